@@ -1,6 +1,7 @@
 """Tables of the documentation that restate the program, written from it: ``python -m tests.reference``.
 
-`TABLES` has what stands in each page: a table of commands by their help, tables of keys by the schema of campaigns.
+`TABLES` has what stands in each page: a table of commands by their help, tables of keys by the schema of campaigns, a
+table of columns by their definitions.
 """
 
 from __future__ import annotations
@@ -16,6 +17,16 @@ from typer.main import get_command
 
 from mcnav.cli.program import app
 from mcnav.config.schema import CampaignTable
+from mcnav.report.columns import (
+    faults,
+    filter_columns,
+    joint_columns,
+    output_columns,
+    percentiles,
+    requirements,
+    vector_sizes,
+)
+from mcnav.report.columns.result_table import ResultColumn
 from mcnav.systems.ins.tables.filter import FilterTable
 from mcnav.systems.ins.tables.instrument_tables import AccelerometerTable, GyroTable
 
@@ -92,8 +103,41 @@ def _default(entry: Any) -> str:
     return f"{value:,}" if isinstance(value, (int, float)) and not isinstance(value, bool) else ""
 
 
+FILES: Final[dict[str, Sequence[ResultColumn[Any]]]] = {
+    "outputs": output_columns.NUMBERS,
+    "requirements": (*requirements.COLUMNS, *requirements.EXCEEDANCE),
+    "allowed_sigmas": requirements.ALLOWED,
+    "percentiles": percentiles.COLUMNS,
+    "sizes": vector_sizes.COLUMNS,
+    "tests": joint_columns.TESTS,
+    "ellipsoids": joint_columns.ELLIPSOIDS,
+    "filter_groups": filter_columns.GROUPS,
+    "filter_sigmas": filter_columns.SIGMAS,
+    "filter_sensors": filter_columns.SENSORS,
+    "neglected": filter_columns.NEGLECTED,
+    "faults": faults.FAULTS,
+}
+"""Columns by the name of a table in data files."""
+
+
+def columns() -> list[str]:
+    """Tabulate the columns of data files, with their headings on pages in brackets where these are other words."""
+    return _table(
+        ("table", "columns"),
+        [(f"`{name}`", ", ".join(map(_column, columns))) for name, columns in FILES.items()],
+    )
+
+
+def _column(column: ResultColumn[Any]) -> str:
+    ends = " *" if column.ends is not None else ""
+    heading = next((str(shown.heading) for shown in column.shown if shown.heading), "")
+    same = heading.lower().replace(" ", "_") in ("", column.name)
+    return f"`{column.name}`{ends}" + ("" if same else f" ({heading})")
+
+
 TABLES: Final[dict[str, tuple[tuple[str, Callable[[], list[str]]], ...]]] = {
     "COMMANDS.md": (("## All commands", commands),),
+    "REPORT.md": (("## Columns of the tables", columns),),
     "CAMPAIGNS.md": (
         ("## Top level", lambda: keys(CampaignTable)),
         (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +65,13 @@ def true_flight() -> Any:
     return scenario.navigation
 
 
+@cache
+def true_motion(time: float) -> dict[str, Any]:
+    """Return the specific force and the angular rate of the flight, m/s^2 and rad/s: loops ask for the same again."""
+    states = true_flight().truth.states(np.array([time]), "strapdown", 0.0)
+    return {"force": states.force[0], "rate": states.rate[0]}
+
+
 class Free(ClosedLoop):
     """The flight in earth-fixed axes."""
 
@@ -81,9 +88,8 @@ class Free(ClosedLoop):
         return {"position": position[0], "velocity": velocity[0], "attitude": truth.attitude(0.0).as_matrix()}
 
     def motion(self, time):
-        navigation, (moment,) = true_flight(), np.unique(time)
-        states = navigation.truth.states(np.array([moment]), "strapdown", 0.0)
-        return {"force": states.force[0], "rate": states.rate[0]}
+        (moment,) = np.unique(time)
+        return true_motion(float(moment))
 
 
 class Aided(Free):

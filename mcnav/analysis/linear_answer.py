@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.examination import Examination, Linearity
 from mcnav.analysis.floor import CANCELLED
 from mcnav.analysis.gates import GateAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
@@ -108,6 +109,10 @@ class LinearAnswer:
         What the gates of sensors stop.
     rejections : RejectionAnswer or None
         What gates make of good measurements; none without a gate.
+    examination : Examination or None
+        Where it holds, by simulations (`mcnav.analysis.examination`); none where that was not asked for.
+    unexamined : str
+        Reason why it was asked for and left out, a clause; empty elsewhere.
     kind : str
         Type of its scenario.
     remarks : tuple of str
@@ -136,6 +141,8 @@ class LinearAnswer:
     smoother: LinearVerdict | None = None
     gates: tuple[GateAnswer, ...] = ()
     rejections: RejectionAnswer | None = None
+    examination: Examination | None = None
+    unexamined: str = ""
     kind: str = ""
     remarks: tuple[str, ...] = ()
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)
@@ -283,6 +290,19 @@ def within_range(
     return tuple(
         replace(judgement, value=nan, margin=nan, time=None, beyond=nan) if meaningless(judgement) else judgement
         for judgement in judged
+    )
+
+
+def where_linear(judged: Sequence[LinearRequirement], examination: Examination | None) -> tuple[LinearRequirement, ...]:
+    """Withdraw the judgement on requirements on outputs of which linear analysis does not hold at the end."""
+    if examination is None:
+        return tuple(judged)
+    nan, outputs = math.nan, examination.outputs
+    return tuple(
+        replace(requirement, value=nan, margin=nan, time=None, beyond=nan)
+        if any(outputs[number].verdict == Linearity.FAILS for number in requirement.requirement.outputs)
+        else requirement
+        for requirement in judged
     )
 
 

@@ -121,6 +121,8 @@ class Remedies(Record):
         Why none is listed; empty where one is.
     left : int
         Remedies that were not computed, because a run does not wait for them.
+    missed : tuple of str
+        Kinds of errors that a filter in code misses most: no entry of the campaign file changes what it models.
     beside : str
         Where the file of a remedy is to be saved, as the end of a sentence.
     """
@@ -133,6 +135,7 @@ class Remedies(Record):
     withheld: tuple[str, ...] = ()
     reason: str = ""
     left: int = 0
+    missed: tuple[str, ...] = ()
     beside: str = ""
 
     @property

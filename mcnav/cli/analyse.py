@@ -43,13 +43,23 @@ def lincov(
         Literal["all", "variational", "differences", "runs"] | None,
         typer.Option(help="Of --partials: how P is computed [default: all]."),
     ] = None,
+    remedies: Annotated[
+        bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
+    ] = False,
+    examine: Annotated[
+        bool | None,
+        typer.Option(
+            "--examine/--no-examine",
+            help="Simulate some flights to see where linear analysis holds [default: where that is quick].",
+        ),
+    ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Compute the linear covariance, its causes, and requirements.
+    """Compute the linear covariance, its causes, and requirements, and examine where it holds.
 
-    They are of the end and over time; nothing is simulated. With aiding, it is that of the closed loop: true sigmas
-    and those that the filter states, twice where an update falls on a time. With --partials, P is shown as computed by
-    three methods, with their differences.
+    They are of the end and over time. Some flights are simulated to see where linear analysis holds. With aiding, it is
+    that of the closed loop: true sigmas and those that the filter states, twice where an update falls on a time. With
+    --partials, P is shown as computed by three methods, with their differences.
 
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
@@ -68,7 +78,7 @@ def lincov(
 
     times = None if at is None else read_times(at)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
-    result, files = write_lincov(read_campaign(campaign), target, times)
+    result, files = write_lincov(read_campaign(campaign), target, times, remedies, examine=examine)
     if form != "table":
         tables = exported(result)
         print_rows(form, tables["sigmas"], tables)

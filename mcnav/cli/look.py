@@ -184,10 +184,10 @@ def brief(
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel jobs.")] = 2,
     into: Annotated[Path | None, out_folder("RUN_brief")] = None,
 ) -> None:
-    """Write a run on one sheet for a review board.
+    """Write a run on one slide and one sheet for a review board.
 
-    A page and a PDF: verdicts, requirements with margins, the worst case, its causes, and what would help. Changes are
-    found by linear analysis scaled by the run, and simulated.
+    A page and two PDF files: requirements with margin and confidence first, the worst case, causes, and what would help
+    where something fails, the best of it simulated.
 
     Example: mcnav brief reports/mine
     """

@@ -72,14 +72,9 @@ def logs(incomplete: str) -> list[str]:
     return _quoted(path for path in result if not Path(path).with_name("manifest.json").exists())
 
 
-def campaigns_and_trajectories(incomplete: str) -> list[str]:
-    """Return campaign files, and files that may be trajectories."""
-    return campaigns(incomplete) + trajectories(incomplete)
-
-
 def checkable(incomplete: str) -> list[str]:
-    """Return campaign files, code, and trajectory files."""
-    return [*campaigns_and_trajectories(incomplete), *_quoted(_walk(incomplete, ".py"))]
+    """Return campaign files, code, and files that may be trajectories."""
+    return [*campaigns(incomplete), *trajectories(incomplete), *_quoted(_walk(incomplete, ".py"))]
 
 
 def runs(incomplete: str) -> list[str]:

@@ -41,7 +41,7 @@ from mcnav.compiled.numba_private import (
 )
 from mcnav.compiled.objects import Code, places_for
 from mcnav.compiled.target import choose_target
-from mcnav.execution.progress import COMPILATION
+from mcnav.execution.progress import COMPILATION, NotCompiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -56,16 +56,18 @@ class _Watch(event.Listener):  # type: ignore[misc]
     _collects = True
 
     def on_start(self, event: Any) -> None:
-        """Begin a function."""
+        """Begin a function; it ends even where it is refused."""
         if COMPILATION.begun == 0:
             self._collects = gc.isenabled()
             gc.disable()
         COMPILATION.begun += 1
+        if COMPILATION.refused:
+            raise NotCompiled
 
     def on_end(self, event: Any) -> None:
         """End a function."""
         COMPILATION.begun -= 1
-        COMPILATION.functions += 1
+        COMPILATION.functions += not COMPILATION.refused
         if COMPILATION.begun == 0 and self._collects:
             gc.enable()
 

@@ -12,13 +12,14 @@ from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.documents import SI, Description, document_of
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import check_requirements, read_requirements
+from mcnav.config.resolved import campaign_of
 from mcnav.config.scenario import read_scenario
 from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
 from mcnav.config.sources import KnownSources, check_names, read_correlations, read_errors, read_joint, with_units
-from mcnav.config.start_times import StartTimesPlan, read_start_times
-from mcnav.config.stopping import StoppingRule, read_stopping_rule
-from mcnav.config.table_of_values import StoredTable, stored_table
-from mcnav.config.toml import Content, load_file
+from mcnav.config.start_times import read_start_times
+from mcnav.config.stopping import read_stopping_rule
+from mcnav.config.table_of_values import stored_table
+from mcnav.config.toml import load_file
 from mcnav.contract.quantities import Output, Source
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import EarlierFile, FileContext
@@ -166,7 +167,7 @@ def _read_tables(table: CampaignTable, context: FileContext, stem: str, numbers:
     }
     if not numbers.read:  # then the file without this key is the same campaign
         content.pop("units", None)
-    return _campaign(table, stem, described, model, until, requirements, start_times, columns, context)
+    return campaign_of(table, stem, described, model, until, requirements, start_times, columns, context)
 
 
 def _readable_part(content: Mapping[str, Any], context: FileContext) -> CampaignTable:
@@ -240,67 +241,9 @@ def _error_model(
     return None
 
 
-def _campaign(
-    table: CampaignTable,
-    stem: str,
-    described: ScenarioSpec,
-    errors: ErrorModel,
-    until: StoppingRule | None,
-    requirements: Sequence[RequirementRecord],
-    start_times: StartTimesPlan,
-    columns: Mapping[str, StoredTable],
-    context: FileContext,
-) -> Campaign:
-    """Put together what was read; ``columns`` are the files of distributions by source."""
-    content, name = context.content, table.name or stem
-    entries = {**content.get("errors", {}), **{source: dict(column.entry) for source, column in columns.items()}}
-    return Campaign(
-        name=name,
-        samples=table.most_samples(),
-        seed=table.seed,
-        until=until,
-        design=str(table.design),
-        tolerance=table.tolerance,
-        confidence=table.confidence,
-        scenario=described.scenario,
-        errors=errors,
-        requirements=tuple(requirements),
-        start_times=start_times,
-        tables={column.path: column.content for column in columns.values()},
-        resolved=_resolve({**content, "errors": entries}, table, name, described),
-        code=described.code,
-        sample_timeout=table.sample_timeout,
-        store=str(table.store),
-        file=context.file,
-        files=described.inputs,
-    )
-
-
 def _check_start_times(scenario: Scenario, axes: str, context: FileContext) -> None:
     """Refuse ``[start_times]`` where the start cannot be chosen."""
     try:
         scenario.check_start_axes(axes)
     except ScenarioError as wrong:
         context.problem("start_times.axes" if wrong.key == "axes" else "start_times", str(wrong))
-
-
-def _resolve(content: Mapping[str, Any], table: CampaignTable, name: str, described: ScenarioSpec) -> Content:
-    """Return the entries of the file with all defaults; numbers keep their full precision."""
-    resolved = {
-        "name": name,
-        "samples": content["samples"] if isinstance(table.samples, UntilTable) else table.samples,
-        "seed": table.seed,
-        "design": str(table.design),
-        "tolerance": content.get("tolerance", table.tolerance),
-        "confidence": content.get("confidence", table.confidence),
-        **({"units": content["units"]} if "units" in content else {}),
-        **({"store": table.store} if table.store != "samples" else {}),
-        **({"sample_timeout": content["sample_timeout"]} if "sample_timeout" in content else {}),
-        "scenario": dict(described.resolved),
-        **{key: described.further.get(key, content[key]) for key in FURTHER_NAMES if key in content},
-        "errors": content["errors"],
-        "correlations": content.get("correlations", []),
-        **({"joint": content["joint"]} if table.joint else {}),
-        **({"start_times": content["start_times"]} if "start_times" in content else {}),
-    }
-    return resolved | ({"accept": content["accept"]} if table.accept else {})

@@ -93,15 +93,12 @@ def copy_examples(folder: Path) -> list[Path]:
     """
     source = examples_folder()
     result = {path.name: path.read_bytes() for path in sorted(source.iterdir()) if path.suffix in ENDINGS}
-    other = [name for name, content in result.items() if (folder / name).exists() and _differs(folder / name, content)]
+    present = {folder / name: content for name, content in result.items() if (folder / name).exists()}
+    other = [path for path, content in present.items() if not path.is_file() or path.read_bytes() != content]
     if other:
         message = "exists already with another content; choose another folder"
-        raise CampaignError([Problem(str(folder / name), "", message) for name in other])
+        raise CampaignError([Problem(str(path), "", message) for path in other])
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in result.items():
         write_whole(folder / name, content)
     return [folder / name for name in result]
-
-
-def _differs(path: Path, content: bytes) -> bool:
-    return not path.is_file() or path.read_bytes() != content

@@ -64,11 +64,27 @@ class Compilation:
         Functions, each called by the one before, of which none is finished.
     stored : bool
         Whether they are stored for the commands that follow.
+    refused : bool
+        Whether a function that would have to be compiled raises `NotCompiled` instead.
     """
 
     functions: int = 0
     begun: int = 0
     stored: bool = True
+    refused: bool = False
+
+    @contextmanager
+    def refusing(self) -> Iterator[None]:
+        """Compile nothing: a function whose code is not stored raises `NotCompiled`."""
+        self.refused = True
+        try:
+            yield
+        finally:
+            self.refused = False
+
+
+class NotCompiled(Exception):
+    """Raised where a function would have to be compiled and is not to be."""
 
 
 COMPILATION: Final = Compilation()

@@ -153,7 +153,7 @@ def requirements_frame(answer: LinearAnswer, rows: Sequence[LinearRequirement]) 
     return pd.DataFrame(table).dropna(axis="columns", how="all") if rows else pd.DataFrame(table)
 
 
-def lincov(campaign: Description, at: str | Sequence[float] = ()) -> LinearResult:
+def lincov(campaign: Description, at: str | Sequence[float] = (), examine: bool | None = None) -> LinearResult:
     """Compute the linear covariance of a campaign, without samples.
 
     Parameters
@@ -161,6 +161,8 @@ def lincov(campaign: Description, at: str | Sequence[float] = ()) -> LinearResul
     campaign : str, Path, Campaign or mapping
     at : str or sequence of float
         Further times in the trajectory's time, such as ``"600 s, 25 min"``, or in seconds.
+    examine : bool, optional
+        Whether simulations examine where linear analysis holds; by default where that is quick.
 
     Raises
     ------
@@ -175,4 +177,4 @@ def lincov(campaign: Description, at: str | Sequence[float] = ()) -> LinearResul
     (np.float64(6.631), 'km')
     """
     times: Any = read_times(at) if isinstance(at, str) else pd.Series(list(at), dtype=float).to_numpy()
-    return LinearResult(linear_covariance(campaign, times if len(times) else None))
+    return LinearResult(linear_covariance(campaign, times if len(times) else None, examine))

@@ -93,7 +93,8 @@ class CovarianceVerdict:
     def sentence(self) -> str:
         """The verdict and its consequence."""
         verdicts = self.frame["verdict"]
-        words = WORDS[Verdict.UNDECIDED if self.verdict == "undecided" else Verdict(verdicts_of(self.verdict))]
+        on_sigmas = "agrees" if self.verdict == "partly" else self.verdict
+        words = WORDS[Verdict(on_sigmas)]
         open_ = ", ".join(verdicts.index[verdicts == "undecided"]) or "these samples"
         text = words.format(
             tolerance=self.tolerance, differing=", ".join(verdicts.index[verdicts == "differs"]), undecided=open_,
@@ -196,11 +197,6 @@ def draw_ratios(table: pd.DataFrame, kind: str, tolerance: float, confidence: fl
     ax.set_xlabel("simulated sigma / linear sigma")
     ax.legend(loc="best", fontsize="small")
     return ax
-
-
-def verdicts_of(verdict: str) -> str:
-    """Return the verdict on sigmas of one on everything: those that are partly right agree."""
-    return "agrees" if verdict == "partly" else verdict
 
 
 def _weighted(weights: pd.Series) -> str:

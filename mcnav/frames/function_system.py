@@ -82,7 +82,7 @@ class FunctionSystem:
 
     def linearize(self, sizes: Array) -> Linearized:
         """See `System`; by central differences."""
-        differences = differentiate(lambda errors: self.simulate(batch_of(errors)), sizes)
+        differences = differentiate(lambda errors: self.simulate(Batch(np.arange(len(errors)), errors, 0)), sizes)
         return Linearized(differences.model, error_of(differences), {})
 
 
@@ -103,11 +103,6 @@ def warn_repeated(failure: BaseException) -> None:
     """Warn once that a call with many samples failed, and that each is simulated by itself."""
     words = " ".join(f"{type(failure).__name__}: {failure}".split())
     warnings.warn(f"a call with many samples failed ({words:.200}); each sample is simulated by itself", stacklevel=2)
-
-
-def batch_of(errors: Array, seed: int = 0) -> Batch:
-    """Return samples with the indices 0, 1, …"""
-    return Batch(np.arange(len(errors)), errors, seed)
 
 
 class OutputsError(ValueError):

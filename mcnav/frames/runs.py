@@ -256,12 +256,7 @@ class RunResult:
             return run_card(self.content)
 
     def __repr__(self) -> str:
-        return f"{self.content.summary.campaign}: {self._headline}"
-
-    @property
-    def _headline(self) -> str:
-        """The verdicts, the worst first."""
-        return verdicts.headline(self.content.summary)
+        return f"{self.content.summary.campaign}: {verdicts.headline(self.content.summary)}"
 
 
 def _check_units(units: str) -> None:

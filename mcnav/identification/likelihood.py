@@ -151,11 +151,9 @@ def maximize_many(
     return logs, values
 
 
-def profile_interval(
-    model: Model, bands: Bands, best: Maximum, parameter: int, confidence: float = 0.95
-) -> tuple[float, float]:
-    """Find the interval of a parameter's logarithm; an end that the record does not show is infinite."""
-    limit = float(chi2.ppf(confidence, 1))
+def profile_interval(model: Model, bands: Bands, best: Maximum, parameter: int) -> tuple[float, float]:
+    """Find the 95 % interval of a parameter's logarithm; an end that the record does not show is infinite."""
+    limit = float(chi2.ppf(0.95, 1))
     sd = min(1.0 / np.sqrt(max(information(model, bands, best.logs)[parameter, parameter], 1e-12)), FLAT)
     lowest, highest = limits(model, bands.grid)
 

@@ -124,18 +124,35 @@ def find_numbers(
     verdicts = {number.name: number for number in numbers}
     findings: list[Finding] = []
     while len(findings) < MOST_NUMBERS:
-        naming = Naming(record)
-        named = naming.foremost()
-        if named is None or any(finding.number.name == named.candidate.name for finding in findings):
+        found = _named(record, verdicts, again)
+        if found is None or any(finding.number.name == found[0].name for finding in findings):
             break
-        number, record = _changed(naming, named.candidate, verdicts.get(named.candidate.name), again)
+        number, rivals, record = found
         of_campaign = with_causes(record, present(record))
         left = assess(of_campaign, recorded(of_campaign), settings[0], 1, settings[1])
         probability = float(left.probability(left.scores.max(axis=0))[0])
-        findings.append(Finding(number, tuple(rival.name for rival in named.rivals), probability))
+        findings.append(Finding(number, rivals, probability))
         if probability > LEVEL:
             break
     return tuple(findings)
+
+
+def find_first(record: FilteredRecord, again: Again | None) -> Finding | None:
+    """Name the foremost number alone, without asking what is left once it is changed: that probability is NaN."""
+    found = _named(record, {}, again)
+    return None if found is None else Finding(found[0], found[1], np.nan)
+
+
+def _named(
+    record: FilteredRecord, verdicts: Mapping[str, CauseVerdict | OffsetVerdict], again: Again | None
+) -> tuple[CauseVerdict | OffsetVerdict, tuple[str, ...], FilteredRecord] | None:
+    """Return what is named, what is not told apart from it, and the record of the campaign changed to it."""
+    naming = Naming(record)
+    named = naming.foremost()
+    if named is None:
+        return None
+    number, changed = _changed(naming, named.candidate, verdicts.get(named.candidate.name), again)
+    return number, tuple(rival.name for rival in named.rivals), changed
 
 
 def _changed(
@@ -145,8 +162,11 @@ def _changed(
     if candidate.cause is not None:
         return _size(naming.record, candidate.cause, verdict, candidate.gain)
     assert candidate.offset is not None
-    assert isinstance(verdict, OffsetVerdict)
     record, number = naming.record, candidate.offset
+    known = record.offsets[number]
+    if not isinstance(verdict, OffsetVerdict):
+        used = None if known.used is None else tuple(known.used.tolist())
+        verdict = OffsetVerdict(known.name, known.key, known.axes, known.unit, known.shown_in, (), (), used, 0.0, ())
     values, sigmas = _estimates(naming, candidate.free)
     moved_by = np.zeros_like(values)
     if candidate.name.endswith(DELAY) and again is not None:

@@ -82,11 +82,11 @@ def find_fault(recording: Recording, position_sigma: float = 0.0, heading_sigma:
         if message := velocity_fault(measured):
             return Fault(name, message)
     for name, measured in recording.measurements.items():
-        if message := _turn_fault(recording, measured):
-            return Fault(IMU, message)
         match = ForceMatch.of(recording, measured)
         if match is not None and (message := clock_fault(match) or mirror_fault(match)):
             return Fault(name, message)
+        if message := _turn_fault(recording, measured):
+            return Fault(IMU, message)
         if message := _heading_columns(measured):
             return Fault(name, message)
         if match is not None and recording.start is not None and recording.start.attitude is not None:

@@ -93,7 +93,7 @@ def _layout(path: Path, beginning: bytes) -> Layout:
                 named = _cells(written[comment.end() :])[0] or named
             continue
         cells, delimiter, decimal = _row(written)
-        if _numeric(cells):
+        if 2 * sum(map(_is_number, cells)) > len(cells):  # most of them: a row may hold a date, too
             headless = named is None or len(named) != len(cells)
             names = tuple(str(place + 1) for place in range(len(cells))) if headless or named is None else named
             return Layout(_distinct(path, names), delimiter, skipped, cells, headless, decimal)
@@ -178,11 +178,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return "_" not in text
-
-
-def _numeric(cells: Sequence[str]) -> bool:
-    """Tell whether most cells are numbers: a row may hold a date, too."""
-    return 2 * sum(map(_is_number, cells)) > len(cells)
 
 
 class _SingleBlanks(io.RawIOBase):

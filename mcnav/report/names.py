@@ -31,10 +31,19 @@ def labels_in(summary: Summary) -> list[str]:
     return source_labels([source.name for source in summary.sources], summary.names)
 
 
+def unit_words(unit: str) -> str:
+    """Return a unit as it stands behind a number: nothing of a pure number.
+
+    >>> unit_words("km"), unit_words("1")
+    ('km', '')
+    """
+    return "" if unit == "1" else unit
+
+
 def shown_units(summary: Summary) -> dict[str, tuple[float, str]]:
     """Return for each output of a summary the factor from SI and the unit shown."""
     return {
-        output.name: (conversion(output.unit, shown), shown)
+        output.name: (conversion(output.unit, shown), unit_words(shown))
         for output, shown in zip(summary.outputs, summary.units_shown, strict=True)
     }
 

@@ -58,7 +58,8 @@ def _confirmed(variations: Variations, goal: Goal, change: NumberChange, plan: C
     known = {number.path: number for number in (*variations.numbers, *variations.beliefs)}
     numbers, best = [known[path] for path in change.paths], None
     for _ in range(ATTEMPTS):
-        entries = _simulate(variations, values_of(numbers, _multiple(change)), plan)
+        multiple = change.factor if math.isfinite(change.factor) else change.closest
+        entries = _simulate(variations, values_of(numbers, multiple), plan)
         if entries is None:
             return best
         limited = [entries[number] for number in goal.requirements]
@@ -82,10 +83,6 @@ def _is_milder(change: NumberChange, other: NumberChange, loosened: bool) -> boo
     if loosened:
         return change.factor > other.factor
     return abs(math.log(max(change.factor, LEAST))) < abs(math.log(max(other.factor, LEAST)))
-
-
-def _multiple(change: NumberChange) -> float:
-    return change.factor if math.isfinite(change.factor) else change.closest
 
 
 def _simulate(

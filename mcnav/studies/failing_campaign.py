@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from mcnav.studies.lincov import changeable_content
 from mcnav.studies.remedy_changes import Change, written
 from mcnav.systems.registry import is_code
 from mcnav.workflow.what_if import what_if_of_answer, what_if_of_run
+
+NAMED: Final = 0.02
+"""Share of what a filter misses from which on a kind of errors is named."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ class Case:
         On the filter; empty without one.
     unmodelled : tuple of str
         Kinds of errors that the filter does not model and could, the largest first.
+    missed : tuple of str
+        Kinds of errors that a filter in code misses most.
     scales : tuple of float
         By requirement, what a run multiplies linear errors by; empty without a run.
     """
@@ -71,6 +77,7 @@ class Case:
     ratio: float
     verdict: str
     unmodelled: tuple[str, ...]
+    missed: tuple[str, ...] = ()
     scales: tuple[float, ...] = ()
 
     @cached_property
@@ -134,7 +141,7 @@ def case_of_run(content: RunAnalysis, document: Document, beside: str) -> Case |
     return Case(
         document, beside, sources, tuple(summary.names), what_if, "requirement" if unmet else "filter", departing,
         label, at, ratio, judged.verdict if judged is not None else "",
-        _unmodelled(what_if, sources, content.model, shares),
+        _unmodelled(what_if, sources, content.model, shares), _missed(document, shares),
         Basis.of(summary).scales,
     )  # fmt: skip
 
@@ -159,7 +166,7 @@ def case_of_answer(campaign: Campaign, answer: LinearAnswer) -> Case | None:
     return Case(
         document, beside, answer.sources, tuple(names), what_if, "requirement" if unmet else "filter", departing, label,
         at, judged.factor if judged is not None else math.nan, judged.verdict.value if judged is not None else "",
-        _unmodelled(what_if, answer.sources, answer.model, shares),
+        _unmodelled(what_if, answer.sources, answer.model, shares), _missed(document, shares),
     )  # fmt: skip
 
 
@@ -172,6 +179,11 @@ def _unmodelled(
     sized = (np.diag(model.covariance) > 0.0) | (model.mean != 0.0)
     kinds = [kind_of(source.name) for source, known in zip(sources, sized, strict=True) if known]
     return tuple(kind for kind in dict.fromkeys([*shares, *kinds]) if kind in what_if.estimable)
+
+
+def _missed(document: Document, shares: Mapping[str, float]) -> tuple[str, ...]:
+    """List the kinds of errors that a filter in code misses, without those that make up little."""
+    return tuple(kind for kind, share in shares.items() if share >= NAMED) if is_code(_kind(document)) else ()
 
 
 def document_and_place(campaign: Campaign) -> tuple[Document, str]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 from typing import Final
 
 import numpy as np
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.examination import Examination
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.gates import GateAnswer, answer_gates
-from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
+from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, where_linear, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
@@ -45,6 +47,7 @@ from mcnav.report.document.parts import Page
 from mcnav.report.pages.lincov_page import card, page
 from mcnav.report.statements.lincov import final_nominal
 from mcnav.studies.curved_tails import with_curvature
+from mcnav.studies.examine import examine_campaign
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.user.scenario import is_users
 from mcnav.workflow.rejections import rejections_of
@@ -57,7 +60,7 @@ OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
 """Tables of a campaign file that a campaign has as they are in the file."""
 
 
-def linear_covariance(campaign: Description, times: Array | None = None) -> LinearAnswer:
+def linear_covariance(campaign: Description, times: Array | None = None, examine: bool | None = False) -> LinearAnswer:
     """Compute the linear covariance of a campaign and judge its requirements for normal errors.
 
     Parameters
@@ -66,6 +69,9 @@ def linear_covariance(campaign: Description, times: Array | None = None) -> Line
         Campaign file, campaign, or dictionary shaped like a campaign file.
     times : ndarray, shape (r,), optional
         Further times, in the trajectory's time, s.
+    examine : bool, optional
+        Whether simulations examine where linear analysis holds (`mcnav.analysis.examination`); with none, where that
+        costs less than the answer and the simulator is compiled already.
 
     Raises
     ------
@@ -79,13 +85,24 @@ def linear_covariance(campaign: Description, times: Array | None = None) -> Line
     >>> round(float(answer.sigma[0]))  # m
     6126
     """
+    began = perf_counter()
     described = campaign_from(campaign)
     answer = answer_linearly(described, times)
     with one_thread(), scenario_errors(described.file):
         answer = replace(answer, requirements=with_curvature(answer, described))
         remarks = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
         gates = _gates(described)
+        if examine is not False and answer.beyond is None:
+            answer = _examined(answer, described, math.inf if examine else perf_counter() - began)
     return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=_outages(described)))
+
+
+def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> LinearAnswer:
+    """Add the examination of an answer, which may take so many seconds, or the reason why it has none."""
+    examined = examine_campaign(campaign, answer.model, seconds)
+    if isinstance(examined, str):
+        return replace(answer, unexamined=examined)
+    return replace(answer, examination=examined, requirements=where_linear(answer.requirements, examined))
 
 
 def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
@@ -253,7 +270,11 @@ def read_times(written: str) -> Array:
 
 
 def write_lincov(
-    campaign: Campaign, path: Path, times: Array | None = None, all_remedies: bool = False
+    campaign: Campaign,
+    path: Path,
+    times: Array | None = None,
+    all_remedies: bool = False,
+    examine: bool | None = None,
 ) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`.
 
@@ -261,7 +282,7 @@ def write_lincov(
     """
     from mcnav.studies.remedies import remedies_of_answer  # which asks for linear answers
 
-    covariance = linear_covariance(campaign, times)
+    covariance = linear_covariance(campaign, times, examine)
     written = page_html(lincov_page(campaign, covariance, remedies_of_answer(campaign, covariance, all_remedies)))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
@@ -331,6 +352,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
         **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
         **({"gates": gates_entry(answer)} if answer.rejections is not None else {}),
+        **({} if answer.examination is None else {"linearity": examination_entry(answer.examination, names)}),
         "beyond_range": None if answer.beyond is None else {
             "outputs": [names[output] for output in answer.beyond.outputs],
             "begin": answer.beyond.time,
@@ -338,6 +360,22 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "time": None if history is None else history.readings.label,
         "rows": [] if history is None else _rows(history, answer.readings_beyond(history), smoothed),
     }  # fmt: skip
+
+
+def examination_entry(examined: Examination, names: Sequence[str]) -> Mapping[str, object]:
+    """Arrange an examination as ``lincov.json`` has it; corrected moments are in SI units."""
+    rows = [{"name": name, **asdict(output)} for name, output in zip(names, examined.outputs, strict=True)]
+    corrected = examined.corrected
+    return {
+        "flights": examined.flights,
+        "failed": examined.failed,
+        "tolerance": examined.tolerance,
+        "outputs": rows,
+        "joint": None if examined.joint is None else asdict(examined.joint),
+        "mean_second": None if corrected is None else corrected.mean,
+        "sigma_second": None if corrected is None else corrected.sigma,
+        "sigma_error": None if corrected is None else corrected.error,
+    }
 
 
 def _size_rows(answer: LinearAnswer, names: Sequence[str]) -> Mapping[str, object]:

@@ -168,11 +168,11 @@ def _part(measured: RecordedMeasurements, kept: NDArray[np.bool_]) -> RecordedMe
     return RecordedMeasurements(measured.times[kept], values, sigmas)
 
 
-CLOCKS: Final[Mapping[str, float]] = {
-    "GPS weeks: seconds of the week beside seconds since 1980": 604_800.0,
-    "hours: another time zone": 3_600.0,
-}
-"""Periods by multiples of which clocks differ, s."""
+CLOCKS: Final = (
+    (604_800.0, "GPS week", "seconds of the week beside seconds since 1980"),
+    (3_600.0, "hour", "another time zone"),
+)
+"""Periods by multiples of which clocks differ, s, their names, and why."""
 
 SINCE_1970: Final = 315_964_800.0
 """1980-01-06, in s since 1970."""
@@ -193,10 +193,10 @@ def _clocks(times: Array, last: float) -> str:
     allowed = 0.5 * abs(float(times[-1] - times[0]) - last) + 30.0
     if abs(abs(middle) - SINCE_1970) < allowed + 30.0:
         return ": one counts from 1970, the other from 1980 (GPS)"
-    for words, period in CLOCKS.items():
+    for period, name, why in CLOCKS:
         count = round(abs(middle) / period)
         if count and abs(abs(middle) - count * period) < min(allowed, 0.1 * period):
-            return f"; they differ by {count:,} {words}"
+            return f"; they differ by {count:,} {name}{'' if count == 1 else 's'}: {why}"
     return ""
 
 

@@ -81,7 +81,7 @@ def find_remedies(case: Case, thorough: bool, progress: Progress = SILENT) -> Re
         Whether all changes are computed that take a linear covariance of their own; else the first of them.
     """
     remedies = Remedies(
-        failing=case.failing, at=case.at, now=case.now, beside=case.beside,
+        failing=case.failing, at=case.at, now=case.now, beside=case.beside, missed=case.missed,
         output="" if case.departing is None else case.outputs[case.departing.output],
     )  # fmt: skip
     if case.what_if is None:

@@ -98,7 +98,7 @@ def changes_of_sensors(content: Mapping[str, Any]) -> Iterator[Change]:
             own = copy.deepcopy(dict(content))
             own["aiding"][place]["outages"] = outages
             name = sensor.get("name", sensor["type"])
-            yield Change(f"{'an outage' if len(outages) == 1 else 'outages'} of {name} half as long",
+            yield Change(f"halve the {'outage' if len(outages) == 1 else 'outages'} of {name}",
                          f"outages = {outages}", own)  # fmt: skip
     yield from _sensors(content)
 
@@ -127,8 +127,14 @@ def _sensors(content: Mapping[str, Any]) -> Iterator[Change]:
         own["filter"]["estimates"] = [*own["filter"]["estimates"], *states]
         sizes = ", ".join(shown(table[key]) for key in kind.quantities if key in table)
         lines = tomli_w.dumps({"aiding": [table]}).strip()
-        yield Change(f"add {_article(name)} {name.replace('-', ' ')} ({sizes})", lines, own)
+        yield Change(f"add {_named(name)} ({sizes})", lines, own)
 
 
-def _article(name: str) -> str:
-    return "an" if name[0] in "aeiou" else "a"
+def _named(name: str) -> str:
+    """Name a type of sensor with its article.
+
+    >>> _named("altimeter"), _named("velocity")
+    ('an altimeter', 'a velocity sensor')
+    """
+    words = name.replace("-", " ") + (" sensor" if name in ("velocity", "heading") else "")
+    return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"

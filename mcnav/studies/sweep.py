@@ -74,7 +74,7 @@ class SweepPlan:
     jobs: int = JOBS
 
 
-def run_sweep(campaign: Description, plan: SweepPlan, progress: Progress = SILENT) -> Sweep:
+def run_sweep(campaign: Description, plan: SweepPlan) -> Sweep:
     """Compute the linear answers of a sweep, and the values at which its limits are just met.
 
     Raises
@@ -83,7 +83,7 @@ def run_sweep(campaign: Description, plan: SweepPlan, progress: Progress = SILEN
         When the campaign cannot be read, or has no linear model, at one of the points; the first mistake alone.
     """
     with one_thread():
-        return _Study(campaign, plan, progress).sweep()
+        return _Study(campaign, plan, SILENT).sweep()
 
 
 def write_sweep(

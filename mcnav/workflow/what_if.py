@@ -17,7 +17,6 @@ from mcnav.analysis.simulated_requirements import measured_scale
 from mcnav.analysis.what_if import (
     Entries,
     LimitedErrors,
-    ScaledCovariance,
     SizedSystem,
     WhatIf,
     entries_of,
@@ -212,7 +211,8 @@ def _what_if(
     )  # fmt: skip
     without = tuple(unsized_causes(campaign, sources, model.covariance))
     estimable = estimable_kinds(content, sources)
-    return WhatIf(campaign, _with_readings(covariance, kept), limited, without, beside, estimable)
+    readings = covariance if len(kept) == len(covariance.times) else covariance.at(kept)
+    return WhatIf(campaign, readings, limited, without, beside, estimable)
 
 
 def _origin(model: Model, throughout: _Throughout | None) -> Array:
@@ -224,10 +224,6 @@ def _origin(model: Model, throughout: _Throughout | None) -> Array:
     if model.origin is not None:
         origin[-1] = model.origin
     return origin
-
-
-def _with_readings(covariance: ScaledCovariance, kept: IndexArray) -> ScaledCovariance:
-    return covariance if len(kept) == len(covariance.times) else covariance.at(kept)
 
 
 def _kept(count: int, required: Sequence[int]) -> IndexArray:

@@ -361,7 +361,7 @@ def _lincov(folder: Path, _: Callable[[str], Path]) -> Path:
 
 
 def _allocate(folder: Path, _: Callable[[str], Path]) -> Path:
-    described = read_campaign(ROOT / "campaigns" / "08_every_option.toml")
+    described = read_campaign(ROOT / "campaigns" / "23_lunar_return_updated_once.toml")
     return write_allocation({**described.resolved, "name": NAME}, folder)[1][-1]
 
 

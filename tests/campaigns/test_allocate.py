@@ -129,7 +129,7 @@ def test_a_number_that_has_to_grow() -> None:
 def test_words_on_numbers_that_grow_or_do_not_help(tmp_path: Path, sigma: float, words: str) -> None:
     """No believed start leaves less than 9.95 m."""
     described = believing_too_little(f"{sigma * float(special.ndtri(0.95))} m")
-    found, (_, page) = write_allocation(described, tmp_path)
+    found, (_, page) = write_allocation(described, tmp_path, confirm=0)
     (change,) = (each for each in found.goals[0].changes if each.label == "filter.believes.errors.position")
     assert change.reached == (sigma > 9.95)
     assert words in page.read_text()

@@ -160,7 +160,7 @@ def test_what_is_not_good_comes_first(tmp_path: Path, last: float) -> None:
     order = [
         printed.index(words[:38])
         for words in (
-            "The covariance that the filter computes" if last == RIGHT else "Do not trust this filter's covariance",
+            "The filter's covariance" if last == RIGHT else "Do not trust this filter's covariance",
             "Linear covariance predicts every sigma",
         )
     ]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,9 @@ import pytest
 from typer.testing import CliRunner
 
 from mcnav.cli import app
+from mcnav.judgement.findings import CauseVerdict, Finding, OffsetVerdict
+from mcnav.judgement.likelihood import Factor
+from mcnav.report.pages.judged import offset_words, to_paste
 from tests.recorded_flights import SHORT
 
 RUNNER = CliRunner()
@@ -74,8 +79,10 @@ def test_noise_three_times_as_large_is_named_with_its_interval() -> None:
     assert content["findings"][0]["number"] == "gnss_velocity_noise"
     (noise,) = (each for each in content["causes"] if each["name"] == "gnss_velocity_noise")
     assert noise["factor"]["low"] < 3.0 < noise["factor"]["high"]
-    assert shown.startswith("The gnss velocity noise of 0.0500 m/s is ")
+    assert shown.startswith("The gnss velocity noise of 5.00 cm/s is ")
     assert "[[aiding]]  # gnss\nvelocity = " in shown
+    tabled = tomllib.loads(shown[shown.index("[[aiding]]") : shown.index("Innovations")].partition("note:")[0])
+    assert tabled["aiding"][0]["velocity"].endswith(" cm/s")
     assert "What to change" in page
 
 
@@ -99,6 +106,51 @@ def test_the_measurements_of_a_campaign_s_log_have_its_sigmas_and_its_factor_is_
     assert "[[aiding]]  # gnss\nlog_factor = 2." in shown
 
 
+def test_a_part_of_a_record_is_judged_and_the_campaign_s_end_counts(tmp_path: Path) -> None:
+    """Up to 12 s there are 12 fixes, by the option as by the campaign's end."""
+    folder = recorded(False)
+    files = (
+        "--imu",
+        folder / "imu.csv",
+        "--measurements",
+        f"gnss={folder / 'gnss.csv'}",
+        "--start",
+        folder / "start.csv",
+    )
+    ending = tmp_path / "ending.toml"
+    ending.write_text(SHORT.replace('type = "ins"', 'type = "ins"\nend = "12 s"'))
+    for campaign, option in ((folder / "flight.toml", ("--to", 12)), (ending, ())):
+        run("judge", campaign, *files, *option, "--records", 200, "--out", tmp_path / "judge")
+        content = json.loads((tmp_path / "judge" / "judge.json").read_text())
+        assert content["sensors"][0]["updates"] == 12
+    assert any("after 12 s is left out: the campaign ends there" in note for note in content["notes"])
+
+
+def test_what_is_to_be_pasted_is_one_document_with_each_table_once() -> None:
+    """Two numbers of one table, a delay, an arm, and a process that the campaign lacks."""
+    walk, bias = (
+        CauseVerdict(name, f"[imu.gyro] {key}", 1e-4, unit, shown, Factor(2.0, 1.5, 3.0, 9.0), 9.0, None, (), (),
+                     absent=absent, correlation_time=30.0 if absent else 0.0)
+        for name, key, unit, shown, absent in (
+            ("gyro_angle_random_walk", "angle_random_walk", "rad/sqrt(s)", "deg/sqrt(h)", False),
+            ("gyro_bias_instability", "bias_instability", "rad/s", "deg/h", True),
+        )
+    )  # fmt: skip
+    delay = OffsetVerdict("gnss_delay", "[[aiding]] gnss: delay", ("",), "s", "ms", (0.05,), (0.002,), None, 9.0, ())
+    arm = OffsetVerdict(
+        "gnss_lever_arm", "[[aiding]] gnss: lever_arm", tuple("xyz"), "m", "cm", (-0.8, 0.0, 0.1), (0.1,) * 3,
+        (0.0, 0.0, 0.0), 9.0, (),
+    )  # fmt: skip
+    found: Any = SimpleNamespace(findings=[Finding(number, (), 0.5) for number in (walk, delay, arm, bias)])
+    pasted = tomllib.loads(to_paste(found))
+    assert list(pasted["imu"]["gyro"]) == ["angle_random_walk", "bias_instability"]
+    assert pasted["imu"]["gyro"]["bias_instability"]["correlation_time"] == "30 s"
+    assert pasted["errors"]["gnss_delay"] == {"distribution": "fixed", "value": "50 ms"}
+    assert pasted["aiding"][0]["lever_arm"] == ["80 cm", "0 cm", "-10 cm"]
+    assert "taken 50.0 ± 3.9 ms before their stamps" in offset_words(delay)
+    assert "true are x 80.0 ± 20, " in offset_words(arm)
+
+
 def test_statistics_of_the_record_are_in_the_file() -> None:
     _, content, _ = judged(True)
     (sensor,) = content["sensors"]
@@ -120,6 +172,12 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     later = [",".join([f"{float(row.split(',')[0]) + 1e6:.3f}", *row.split(",")[1:]]) for row in rows[1:]]
     late.write_text("\n".join([rows[0], *later]))
     assert "both must have the same clock" in refused(*named, f"gnss={late}")
+    week = [",".join([f"{float(row.split(',')[0]) + 604800.0:.3f}", *row.split(",")[1:]]) for row in rows[1:]]
+    late.write_text("\n".join([rows[0], *week]))
+    assert "they differ by 1 GPS week: seconds of the week" in refused(*named, f"gnss={late}")
+    at_once = (*named, f"gnss={gnss}")
+    assert "give its state there by --start FILE" in refused(*at_once, "--from", 5)
+    assert "has no readings from 900 to" in refused(*at_once, "--from", 900)
     upward = tmp_path / "upward.csv"
     names, *readings = imu.read_text().splitlines()
     turned = ([*row[:5], row[6], str(-float(row[5])), *row[7:]] for row in (each.split(",") for each in readings))

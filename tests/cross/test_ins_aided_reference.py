@@ -62,6 +62,10 @@ def test_covariance_along_the_truth_is_that_of_the_closed_loop(platform: Platfor
     np.testing.assert_allclose(found, np.sqrt(own.own_variances), rtol=1e-6)
 
 
+DELAY = 1e-3
+"""Size of the sensors' delays, s."""
+
+
 @pytest.mark.slow
 def test_partial_derivatives_are_those_of_the_closed_loop() -> None:
     """Of the outputs, and of the errors of estimates, with neglected and considered errors: every fifth source.
@@ -80,7 +84,7 @@ def test_partial_derivatives_are_those_of_the_closed_loop() -> None:
     names, record = (*CONSTANTS, *aiding_constants(sensors)), schema(model)
     sizes = np.concatenate([
         np.sqrt(np.diag(model.beliefs.covariance)),
-        [next(SIZES[kind] for kind in SIZES if name.startswith(kind)) for name in names[9:]],
+        [next((SIZES[kind] for kind in SIZES if name.startswith(kind)), DELAY) for name in names[9:]],
     ])  # fmt: skip
     outputs, states = linear.partials * sizes, linear.state_partials * sizes
     for source in range(0, len(names), 5):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -35,8 +36,9 @@ DRIFTING = Imu(
 
 @lru_cache
 def aided() -> tuple[Ins, AidedEngine]:
-    """An antenna on a lever arm, which needs the rates, an altimeter with a correlated error, and drifting biases."""
-    sensors = scenario(("gnss", "altimeter")).navigation.sensors
+    """An antenna on a lever arm that jitters, an altimeter with a correlated error, and drifting biases."""
+    receiver, altimeter = scenario(("gnss", "altimeter")).navigation.sensors
+    sensors = (replace(receiver, jitter=2e-3), altimeter)
     model = make_filter(sensors, DRIFTING, SIGMAS, (*KINDS, "altimeter_bias"))
     of = Ins(Navigation(flight(1.0), "strapdown", START, END, DRIFTING, sensors, model))
     made = of.engine("ensemble", draw(8, SIGMAS, 1, of))

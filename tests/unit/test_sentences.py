@@ -64,6 +64,9 @@ PAGES = (
     "RARE_EVENTS.md",
     "OTHER_TOOLS.md",
     "GLOSSARY.md",
+    "SCENARIOS.md",
+    "NOTEBOOK.md",
+    "TRAJECTORIES.md",
     "howto/*.md",
     "tutorials/*.md",
 )

@@ -255,10 +255,10 @@ def grouped(entries: Sequence[OutputEntry]) -> list[OutputEntry]:
     return sorted(entries, key=lambda entry: KINDS.index(entry.kind) if entry.kind else 0)
 
 
-def output_rows(runs: Mapping[str, Summary], units: Units = "shown") -> list[Row]:
+def output_rows(runs: Mapping[str, Summary]) -> list[Row]:
     """List the outputs of runs by name, a row for each output of each run, in data."""
     columns = (RUN, *_leading([*runs.values()]), *NUMBERS)
-    return [row_of(columns, entry) for entry in entries_of(runs, units)]
+    return [row_of(columns, entry) for entry in entries_of(runs, "shown")]
 
 
 def entries_of(runs: Mapping[str, Summary], units: Units) -> list[OutputEntry]:

@@ -14,7 +14,7 @@ from mcnav.analysis.filter_remarks import instant
 from mcnav.report.columns.result_table import ResultColumn, ResultTable, Units, in_units
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.format import number
-from mcnav.report.names import humanize, labels_in, shown_units
+from mcnav.report.names import humanize, labels_in, shown_units, unit_words
 from mcnav.report.statements.words import listed, more_samples
 from mcnav.statistics.demonstration import runs_to_show
 
@@ -54,12 +54,13 @@ def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tu
     when = (", about the nominal" if entry.about else "") + (f", {entry.when}" if entry.when else "")
     if entry.kind in RADII:
         scale, unit = shown_in[names[0]]
+        radius = f"{limits[0] * scale:g} {unit}".rstrip()
         together = f"{', '.join(map(humanize, names[:-1]))} and {humanize(names[-1])}"
-        return f"{RADII[entry.kind]} of {together} below {limits[0] * scale:g} {unit}{when}"
+        return f"{RADII[entry.kind]} of {together} below {radius}{when}"
     sides = []
     for name, limit in zip(names, limits, strict=True):
         scale, unit = shown_in[name]
-        sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}")
+        sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}".rstrip())
     return f"{' and '.join(sides)} in {100.0 * (entry.probability or 0.0):g} % of samples{when}"
 
 
@@ -112,6 +113,10 @@ class RequirementRow:
         """Return a value in the unit of this row."""
         return None if value is None else value * self.scale
 
+    def with_unit(self, value: str) -> str:
+        """Put the unit behind a number; a pure number has none."""
+        return f"{value} {unit_words(self.unit)}".rstrip()
+
     def shown(self, value: float | None, missing: str = "∞") -> str:
         """Format a value: a ratio, a probability, or an error with its unit."""
         kind, scaled = self.entry.kind, self.scaled(value)
@@ -119,7 +124,7 @@ class RequirementRow:
             return number(scaled, 5)
         if scaled is None or not math.isfinite(scaled):
             return "–" if kind == "box" else missing
-        return f"{100.0 * scaled:.3f} %" if kind == "box" else f"{number(scaled, 4)} {self.unit}"
+        return f"{100.0 * scaled:.3f} %" if kind == "box" else self.with_unit(number(scaled, 4))
 
     @property
     def estimate(self) -> Cell:

@@ -167,10 +167,9 @@ class Column(Generic[Row]):
             return Cell(content)
         return Cell(self.form(content), value=content if self.size else None)
 
-    def heading_in(self, place: Place) -> str:
-        """Return the heading, with the unit in brackets in the terminal."""
-        if place == "page":
-            return self.heading
+    @property
+    def terminal_heading(self) -> str:
+        """The heading in the terminal, with the unit in brackets."""
         heading = self.heading if self.brief is None else self.brief
         return f"{heading} [{self.unit}]" if self.unit else heading
 

@@ -47,7 +47,7 @@ class Figure:
     the panels speak for themselves. ``columns`` are the numbers behind it, of one length, and ``file`` has them in full
     beside the page. ``shows`` says in a sentence what is to be seen, from the numbers drawn; ``number`` is that on its
     page, where figures are counted. ``size`` is that of a panel, px, as wide as `HALF` or `THIRD`. If ``shown`` is not
-    zero, the page shows so many panels until the reader chooses others.
+    zero, the page shows so many panels until the reader chooses others; if ``folded`` is not, it folds those beyond it.
     """
 
     name: str
@@ -60,6 +60,7 @@ class Figure:
     caption: str = ""
     file: str = ""
     shown: int = 0
+    folded: int = 0
     shows: str = ""
     number: int = 0
 
@@ -76,7 +77,7 @@ class Figure:
     @property
     def first(self) -> Sequence[Panel]:
         """Panels of a drawing from which the reader cannot choose."""
-        return self.panels[: self.shown or None]
+        return self.panels[: self.shown or self.folded or None]
 
     @cached_property
     def svgs(self) -> list[Markup]:

@@ -26,6 +26,9 @@ on the earth moves by 1e-11 of itself, and no figure can show less."""
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle, px."""
 
+NEAR: Final = 4.0
+"""Distance of a label from its point, in px."""
+
 
 def text_width(text: str, size: float) -> float:
     """Estimate the width of a text of some size, px; never less than it is."""
@@ -151,7 +154,7 @@ def points_in(box: Box, points: Array) -> int:
 
 
 def place_label(
-    x: float, y: float, width: float, height: float, inside: Box, taken: Sequence[Box], points: Array, near: float = 4.0
+    x: float, y: float, width: float, height: float, inside: Box, taken: Sequence[Box], points: Array
 ) -> Box | None:
     """Find a place for a label beside a point, within a rectangle and over none that is taken; none without room.
 
@@ -161,10 +164,10 @@ def place_label(
     for rank, (across, up) in enumerate(
         ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1), (2, 2), (-2, 2), (2, -2), (-2, -2))
     ):
-        left = x + across * near if across > 0 else x - width + across * near if across < 0 else x - 0.5 * width
-        top = y - height - up * near + near if up > 0 else y - up * near - near if up < 0 else y - 0.5 * height
+        left = x + across * NEAR if across > 0 else x - width + across * NEAR if across < 0 else x - 0.5 * width
+        top = y - height - up * NEAR + NEAR if up > 0 else y - up * NEAR - NEAR if up < 0 else y - 0.5 * height
         if across == 0:
-            top -= up * near
+            top -= up * NEAR
         box = (left, top, left + width, top + height)
         if box[0] < inside[0] or box[1] < inside[1] or box[2] > inside[2] or box[3] > inside[3]:
             continue

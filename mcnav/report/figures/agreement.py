@@ -15,6 +15,7 @@ from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
 from mcnav.report.drawing.palette import AREA, BAND, FLOWN, LINEAR, MUTED
 from mcnav.report.results.model import RunAnalysis
+from mcnav.report.results.worst_components import worst_components
 
 PAIRED, PLAIN = "Monte Carlo (paired)", "Monte Carlo (plain)"
 RATIOS: Final = {"paired": Series("paired", PAIRED, FLOWN, "dot"), "plain": Series("plain", PLAIN, MUTED, "square")}
@@ -43,11 +44,15 @@ def forest(series: Series, places: ArrayLike, judged: Sequence[Ratio], names: Se
 
 
 def sigma_ratios(content: RunAnalysis) -> Figure:
-    """Draw a forest plot of the sigma ratios against the tolerance, and the paired ones magnified."""
-    names, rows = content.output_names, np.arange(len(content.output_names))
+    """Draw a forest plot of the sigma ratios against the tolerance, and the paired ones magnified.
+
+    Of a closed loop's vectors the worst component is drawn.
+    """
+    picked = worst_components(content)
+    names, rows = [content.output_names[i] for i in picked], np.arange(len(picked))
     judged: dict[str, list[Ratio]] = {}
     for kind in RATIOS:
-        figure = [getattr(output, kind) for output in content.comparison.outputs]
+        figure = [getattr(content.comparison.outputs[i], kind) for i in picked]
         judged[kind] = [(each.ratio, *(each.interval or (None, None))) for each in figure]
     tolerance = 100.0 * content.criterion.tolerance
     even, span = Rule(0.0, colour=LINEAR, width=1.6), Span(TOLERANCE, -tolerance, tolerance)

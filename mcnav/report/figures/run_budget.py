@@ -9,12 +9,15 @@ from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
 from mcnav.report.figures.outages import outages
 from mcnav.report.figures.sources import contributors, flown_shares, origins, variance_over_time
 from mcnav.report.results.model import RunAnalysis
+from mcnav.report.results.worst_components import worst_components
 
 
 def budget(content: RunAnalysis) -> Figure:
     """Draw shares of each contributor in each output's linear variance: linear, and by Monte Carlo if known."""
-    linear = np.nan_to_num(content.budget.attributed)
+    picked = worst_components(content)
+    linear = np.nan_to_num(content.budget.attributed)[picked]
     flown = None if content.budget.crossed else flown_shares(content)  # each source alone: they would not add up
+    flown = None if flown is None else flown[picked]
     routes = {", linear": ("Linear", linear)}
     if flown is not None:
         routes[", Monte Carlo"] = ("Monte Carlo, each source alone", flown)
@@ -22,7 +25,7 @@ def budget(content: RunAnalysis) -> Figure:
         "Error budget",
         "Share of each cause in the variance of each output, in per cent of the linear variance.",
         ("cause", content.cause_names),
-        content.output_names,
+        [content.output_names[i] for i in picked],
         routes,
         [contributor for contributor in contributors(content) if (linear[:, contributor.members] != 0.0).any()],
         content.budget.crossed,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -61,8 +60,9 @@ def page(content: RunAnalysis, links: Links) -> Page:
         _sources(content, worst, links),
     ]
     slide = first_screen(content, drawn, made, stated)
+    present = [section for section in sections if section is not None]
     return Page(
-        f"{summary.campaign}, brief", "Brief", summary.campaign, slide.parts, [*joined_sections(sections)],
+        f"{summary.campaign}, brief", "Brief", summary.campaign, slide.parts, present,
         status=stated[0].sentence, tone=stated[0].tone,
     )  # fmt: skip
 
@@ -94,11 +94,6 @@ def confidence_words(row: RequirementRow) -> str:
     side = "at least" if entry.finding == "not met" else "at most"
     words = f"{margin}with {confidence} {side} {three_digits(row, bound)}." if bound is not None else margin
     return capitalized(words)
-
-
-def joined_sections(sections: Sequence[Section | None]) -> list[Section]:
-    """Return the sections that there are."""
-    return [section for section in sections if section is not None]
 
 
 def _requirements(content: RunAnalysis, links: Links) -> Section | None:

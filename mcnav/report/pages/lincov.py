@@ -21,7 +21,8 @@ from mcnav.report.document.parts import Findings
 from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels, short_name
 from mcnav.report.format import number
-from mcnav.report.names import scale_of
+from mcnav.report.names import scale_of, unit_words
+from mcnav.report.statements.examination import examination_words
 from mcnav.report.statements.lincov import (
     cause_words,
     filter_words,
@@ -46,7 +47,7 @@ INITIAL: Final = "initial"
 
 def units_shown(outputs: Sequence[Output]) -> dict[str, tuple[float, str]]:
     """Return for each output, by name, the factor from SI and the unit shown."""
-    return {output.name: (conversion(output.unit, output.shown_in), output.shown_in) for output in outputs}
+    return {output.name: (conversion(output.unit, output.shown_in), unit_words(output.shown_in)) for output in outputs}
 
 
 def finding(row: LinearRequirement) -> str:
@@ -81,7 +82,7 @@ def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst."""
     answer = as_read(answer)
     large = list(large_mean_words(answer))
-    said = [*range_words(answer), *rejection_words(answer), *filter_words(answer)]
+    said = [*examination_words(answer), *range_words(answer), *rejection_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(requirement.judged for requirement in answer.requirements):
         said.append(headline(answer))
     return [*large, *worst_first([*said, *([] if large else mean_words(answer)), *size_words(answer)])]

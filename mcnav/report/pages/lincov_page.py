@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.answer_times import as_read, read_axis
+from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
@@ -76,6 +77,10 @@ ARCS: Final = "Output ranges are arcs on the earth's surface; initial ranges are
 SHARES: Final = "Share of the variance at the end, %, and the sigma that a cause alone leaves"
 """Caption of the error budget."""
 
+NAMED: Final = 0.02
+LARGEST: Final = 3
+"""Smallest share of a kind of causes that the first screen names, and how many it names."""
+
 CAUSES: Final = "largest causes, share of the variance"
 """Heading in the terminal of the column that lists them."""
 
@@ -114,11 +119,24 @@ def page(
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
     asked = requirements_in_brief(answer)
     helps = fix(remedies, answer.outputs)
-    facts = Facts([("Fix", helps)], below=True) if helps else None
+    known = [(name, words) for name, words in (("Cause", _cause(answer)), ("Fix", helps)) if words]
+    facts = Facts(known, below=True) if helps else None
     head = joined(verdict, facts, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
     shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
+
+
+def _cause(answer: LinearAnswer) -> str:
+    """Name the largest causes of a requirement that is not met, or of what a filter misses; empty where all holds."""
+    unmet = [number for number, row in enumerate(answer.requirements) if row.judged and not row.met]
+    if unmet:
+        worst = min(unmet, key=lambda number: answer.requirements[number].margin)
+        causes = [(cause.name, cause.share) for cause in answer.requirement_causes(worst)]
+    else:
+        causes = [] if answer.filter is None else [(cause.name, cause.share) for cause in answer.filter.neglected]
+    kinds = [(humanize(kind), share) for kind, share in shares_by_kind(causes).items() if share >= NAMED]
+    return listed(kinds[:LARGEST]) if kinds else ""
 
 
 def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | None) -> Figure | None:

@@ -29,7 +29,7 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.history import History
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import EndWords, end_words, kinds_of
-from mcnav.report.names import humanize, labels_of, scale_of
+from mcnav.report.names import humanize, labels_of, scale_of, unit_words
 from mcnav.report.results.summary import summarise
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import Manifest
@@ -217,12 +217,12 @@ class RunAnalysis:
     @property
     def source_units(self) -> list[str]:
         """Units in which the sources are shown."""
-        return [source.shown_in for source in self.manifest.model.sources]
+        return [unit_words(source.shown_in) for source in self.manifest.model.sources]
 
     @property
     def output_units(self) -> list[str]:
         """Units in which the outputs are shown."""
-        return [output.shown_in for output in self.manifest.model.outputs]
+        return [unit_words(output.shown_in) for output in self.manifest.model.outputs]
 
     @property
     def source_scale(self) -> Array:

@@ -16,7 +16,7 @@ from mcnav.report.format import rounded
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.statements.means import mean_sentence
 from mcnav.report.statements.requirements import requirement_in_brief, worst_requirement
-from mcnav.report.statements.words import listed, more_samples, several
+from mcnav.report.statements.words import more_samples, several
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import Beyond, Departure, Ends, FilterSummary, Summary, Unsettled
@@ -31,7 +31,7 @@ TOGETHER: Final = ("all", "navigation")
 NAMED: Final = 3
 """Unmodelled errors that are named."""
 
-LEAST: Final = 0.01
+LEAST: Final = 0.02
 """Smallest share of one that is named."""
 
 
@@ -138,11 +138,18 @@ def cause(summary: Summary, subject: str) -> str:
     if subject == "filter" and summary.filter is not None and summary.filter.verdict == "optimistic":
         return _unmodelled(summary.filter)
     worst = worst_requirement(summary) if subject == "requirements" else None
-    return "" if worst is None or not worst.causes else listed(worst.causes)
+    if worst is None:
+        return ""
+    kinds = shares_by_kind((cause.name, cause.share) for cause in worst.entry.causes)
+    return "" if not kinds else _named(kinds)
 
 
 def _unmodelled(result: FilterSummary) -> str:
-    kinds = shares_by_kind((source.name, source.share) for source in result.neglected)
+    return _named(shares_by_kind((source.name, source.share) for source in result.neglected))
+
+
+def _named(kinds: Mapping[str, float]) -> str:
+    """Name the largest kinds of causes with their shares."""
     named = [(kind, share) for kind, share in kinds.items() if share >= LEAST][:NAMED]
     return ", ".join(f"{cause_words(kind)} {100.0 * share:.0f} %" for kind, share in named)
 

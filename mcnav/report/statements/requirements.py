@@ -88,7 +88,7 @@ def limit_words(row: RequirementRow) -> str:
 
 
 def _plain(row: RequirementRow, value: float) -> str:
-    return f"{value * row.scale:g} {row.unit}".strip()
+    return row.with_unit(f"{value * row.scale:g}")
 
 
 def three_digits(row: RequirementRow, value: float | None) -> str:
@@ -97,4 +97,4 @@ def three_digits(row: RequirementRow, value: float | None) -> str:
         return "∞"
     if row.entry.kind == "box":
         return f"{100.0 * value:.3g} %" if value < 0.999 else f"{100.0 * value:.4g} %"
-    return f"{number(value * row.scale, DIGITS)} {row.unit}".strip()
+    return row.with_unit(number(value * row.scale, DIGITS))

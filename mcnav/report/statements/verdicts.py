@@ -6,6 +6,7 @@ The first row of a subject whose condition holds is said. ``{names}`` in its tex
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from string import Formatter
@@ -78,7 +79,7 @@ TABLE: Final[Mapping[Subject, Sequence[Row]]] = {
         Row(lambda summary: summary.counts is not None, "Requirements: {counts}.", "Least margin: {least_margin}."),
     ),
     "filter": (
-        Row(_filter_is("consistent"), "The covariance that the filter computes is that of its errors{within}.",
+        Row(_filter_is("consistent"), "The filter's covariance is that of its errors{within}.",
             next_step="Its sigmas can be used as the filter computes them."),
         Row(_filter_is("optimistic"),
             "Do not trust this filter's covariance: {whose} errors are {factor} times what it computes.",
@@ -144,18 +145,38 @@ def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str
     consequences = [fill(row.consequence, summary, epochs)]
     if subject == "filter" and known == "differs":
         consequences.append(fields.silent_sensor(summary))
-    sentence = fill(row.sentence, summary, epochs)
+    sentence, next_step = fill(row.sentence, summary, epochs), fill(row.next_step, summary, epochs)
+    told = [_unrepeated(words, next_step) for words in details.details_on(summary, subject, _partly(summary))]
     return Statement(
         subject=subject,
         tone=known,
         word=(OF_REQUIREMENTS if subject == "requirements" else WORDS)[known],
         sentence=sentence,
         consequences=tuple(filter(None, consequences)),
-        next_step=fill(row.next_step, summary, epochs),
+        next_step=next_step,
         cause=fields.cause(summary, subject) if known != "agrees" else "",
-        details=tuple(words for words in details.details_on(summary, subject, _partly(summary)) if words != sentence),
+        details=tuple(words for words in told if words not in ("", sentence)),
         warnings=details.warnings_on(summary) if subject == "linear" else (),
     )
+
+
+DECIDES: Final = " would decide."
+"""End of a sentence on the samples that an undecided verdict needs."""
+
+
+def _unrepeated(words: str, next_step: str) -> str:
+    """Leave out of details how many samples would decide, where the next step says it.
+
+    >>> _unrepeated("It is undecided. About 2,000 samples would decide.", "Run about 2,000 samples to decide.")
+    'It is undecided.'
+    """
+    asked = next_step.lower()
+
+    def repeated(sentence: str) -> bool:
+        return sentence.endswith(DECIDES) and sentence.removesuffix(DECIDES).lower() in asked
+
+    kept = [sentence for sentence in re.split(r"(?<=\.)\s+", words) if not repeated(sentence)]
+    return " ".join(kept)
 
 
 def fill(text: str, summary: Summary, epochs: Mapping[str, Array]) -> str:

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final, cast
 
 import numpy as np
 
 from mcnav.arrays.types import Array
-from mcnav.compiled.jit import compiled, inlined, uncontracted
+from mcnav.compiled.jit import compiled, inlined
 from mcnav.numerics.elements import stack_elements
 
 ZONALS: Final = 4
@@ -98,7 +98,8 @@ class Earth:
 
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation, m/s^2, at earth-centred positions, shape (n, 3), i or e."""
-        return _gravitation_of(self.constants, np.ascontiguousarray(position, dtype=float))
+        x, y, z = np.asarray(position, dtype=float).T
+        return np.stack(cast(Any, gravitation).py_func(self.constants, x, y, z), axis=-1)
 
     def gravity_gradient(self, position: Array) -> Array:
         """Compute the gradient of the gravitation, 1/s^2, at positions, shape (n, 3): shape (n, 3, 3)."""
@@ -234,15 +235,6 @@ def geodetic(constants: Array, x: float, y: float, z: float) -> tuple[float, flo
     """Compute geodetic latitude, longitude and altitude of an earth-fixed position."""
     up, out = meridian_sides(constants, np.sqrt(x * x + y * y), z)
     return np.arctan2(up, out), np.arctan2(y, x), geodetic_altitude(constants, x, y, z)
-
-
-@uncontracted
-def _gravitation_of(constants: Array, position: Array) -> Array:
-    result = np.empty_like(position)
-    for row in range(len(position)):
-        x, y, z = gravitation(constants, position[row, 0], position[row, 1], position[row, 2])
-        result[row, 0], result[row, 1], result[row, 2] = x, y, z
-    return result
 
 
 @compiled

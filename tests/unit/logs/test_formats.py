@@ -194,16 +194,21 @@ def test_gpx_tracks(tmp_path: Path) -> None:
 
 
 def ulog(path: Path, topics: dict[str, tuple[str, list[bytes]]]) -> Path:
-    """Write a ULog by its specification: header, flags, formats, subscriptions, data."""
+    """Write a ULog by its specification: header, flags, formats, subscriptions, data.
+
+    A number behind the name of a topic, as in ``sensor_gyro.1``, is that of its instance.
+    """
 
     def message(kind: str, body: bytes) -> bytes:
         return struct.pack("<HB", len(body), ord(kind)) + body
 
     content = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
     for name, (form, _) in topics.items():
-        content += message("F", f"{name}:{form}".encode())
+        if "." not in name:
+            content += message("F", f"{name}:{form}".encode())
     for number, name in enumerate(topics):
-        content += message("A", struct.pack("<BH", 0, number) + name.encode())
+        topic, _, instance = name.partition(".")
+        content += message("A", struct.pack("<BH", int(instance or 0), number) + topic.encode())
     for number, (_, rows) in enumerate(topics.values()):
         content += b"".join(message("D", struct.pack("<H", number) + row) for row in rows)
     path.write_bytes(content)
@@ -275,7 +280,7 @@ def test_a_topic_that_is_not_there_is_refused_with_those_that_are(tmp_path: Path
     assert list(read_table(bare)["load"]) == [0.5]
 
 
-def bag(path: Path, second: bool = False) -> Path:
+def bag(path: Path, second: bool = False, kind_of_covariance: int = 2) -> Path:
     """Write a bag of ROS 1 or 2 by rosbags, by the ending of its path."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
@@ -310,7 +315,7 @@ def bag(path: Path, second: bool = False) -> Path:
             status = kinds["sensor_msgs/msg/NavSatStatus"](status=0 if row else -1, service=1)
             covariance = np.diag(SIGMA[row][[1, 0, 2]] ** 2).reshape(-1)
             fix = kinds["sensor_msgs/msg/NavSatFix"](
-                head(row), status, LATITUDE[row], LONGITUDE[row], HEIGHT[row], covariance, 2
+                head(row), status, LATITUDE[row], LONGITUDE[row], HEIGHT[row], covariance, kind_of_covariance
             )
             for name, connection in topics.items():
                 message, kind = (fix, "NavSatFix") if name == "/fix" else (imu, "Imu")

@@ -135,7 +135,7 @@ def test_an_optimistic_filter_comes_first(reentry: Summary) -> None:
 def test_a_consistent_filter(reentry: Summary) -> None:
     right = Summary.of(reentry.to_json() | {"filter": _filter(verdict="consistent", departures=[])})
     said = [answer.sentence for answer in statements(right, NONE)]
-    assert "The covariance that the filter computes is that of its errors, within 10 %." in said
+    assert "The filter's covariance is that of its errors, within 10 %." in said
     assert "P S P'" in _printed(right)
 
 

@@ -92,7 +92,7 @@ def test_every_medium_shows_the_columns_of_the_definition(name: str) -> None:
     assert page == [column.heading for column in table.read.columns_in("page")]
     assert cells == len(page) * len(table)
     assert [column.heading for column in fitted(table.read).columns] == [
-        column.heading_in("terminal") for column in table.read.columns_in("terminal")
+        column.terminal_heading for column in table.read.columns_in("terminal")
     ]
     written = csv.reader(io.StringIO(as_csv(table.rows)))
     assert next(written) == list(table.columns) == list(table.frame().columns)

@@ -19,7 +19,7 @@ from tests.filters import consistency
 BEGINNINGS = {
     ("linear", "agrees"): "Linear covariance predicts every", ("linear", "differs"): "The linear sigmas are wrong",
     ("requirements", "agrees"): "Requirements: 1 of 1 met.", ("requirements", "differs"): "Requirements: 0 of 1 met",
-    ("filter", "agrees"): "The covariance that the filter computes", ("filter", "differs"): "Do not trust this filter",
+    ("filter", "agrees"): "The filter's covariance", ("filter", "differs"): "Do not trust this filter",
 }  # fmt: skip
 
 

@@ -384,7 +384,7 @@ def test_filter_without_a_covariance_says_so() -> None:
 def test_shapes_are_checked() -> None:
     model = matched((gnss(np.arange(1.0, 10.5)),))
     aided = engine(rest(), model, 10.0)
-    with pytest.raises(ValueError, match=r"shape \(45,\), one for each constant; got \(39,\)"):
+    with pytest.raises(ValueError, match=r"shape \(46,\), one for each constant; got \(39,\)"):
         aided.simulate(np.zeros(39))
     with pytest.raises(ValueError, match=r"shape \(100, 3\), one row for each step; got \(99, 3\)"):
-        aided.simulate(np.zeros(45), SampleNoise(np.zeros((99, 3)), np.zeros((100, 3))))
+        aided.simulate(np.zeros(46), SampleNoise(np.zeros((99, 3)), np.zeros((100, 3))))

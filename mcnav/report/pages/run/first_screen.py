@@ -23,7 +23,7 @@ from mcnav.report.statements.requirements import requirement_in_brief, worst_fir
 from mcnav.report.statements.verdicts import Statement, statements
 
 REQUIREMENTS: Final = 3
-"""Requirements listed where there are more than one more; the section on requirements has all."""
+"""Requirements listed where there are more than one more; one, if all are met and something else is the matter."""
 
 WHOLE: Final = "combination"
 """Figure of which all panels show the verdict: it stands on the first screen alone."""
@@ -99,6 +99,8 @@ def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said:
     if figure.name == WHOLE:
         return replace(drawn[WHOLE], caption="", shows=_along(content))
     shows = "" if said else figure.shows
+    if said and tile.subject == NAMES["requirements"]:  # whose words are the verdict's
+        figure = replace(figure, panels=[replace(panel, title="") for panel in figure.panels])
     return as_foremost(figure, shows)
 
 
@@ -152,11 +154,12 @@ def _others(others: Sequence[Statement], tiles: Mapping[str, Tile]) -> Findings 
 
 
 def _requirements(content: RunAnalysis, said: bool) -> Findings | None:
-    """List the worst requirements with their estimates; none where there is none, or sentences have the only one."""
-    rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)
-    if len(rows) < (2 if said else 1):
+    """List the worst requirements with their estimates but the first, if sentences have it; none where none is left."""
+    rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)[1 if said else 0 :]
+    if not rows:
         return None
-    more = len(rows) - REQUIREMENTS if len(rows) > REQUIREMENTS + 1 else 0
-    listed = rows[:REQUIREMENTS] if more else rows
+    most = 1 if not said and all(row.tone == "agrees" for row in rows) else REQUIREMENTS
+    more = len(rows) - most if len(rows) > most + (most > 1) else 0
+    listed = rows[:most] if more else rows
     entries = [(row.entry.finding, row.tone, requirement_in_brief(row)) for row in listed]
     return Findings(entries, MORE(more) if more else "")

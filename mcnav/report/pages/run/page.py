@@ -21,6 +21,7 @@ from mcnav.report.figures.flight import flight
 from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.figures.tail import tails
 from mcnav.report.pages.run.first_screen import WHOLE, first_screen
+from mcnav.report.pages.run.folded import with_folded_parts, with_worst_first
 from mcnav.report.pages.run.sections.answers import FILTERED, answers
 from mcnav.report.pages.run.sections.budget import budget_section
 from mcnav.report.pages.run.sections.causes import causes_section
@@ -66,7 +67,10 @@ def figures(content: RunAnalysis) -> dict[str, Figure]:
     if content.dispersed:
         drawn |= {name: draw(content) for name, draw in FIGURES.items()}
     known = {name: drawing for name, drawing in drawn.items() if drawing is not None}
-    return {name: replace(drawing, shows=words_on(name, content) or drawing.shows) for name, drawing in known.items()}
+    return {
+        name: with_worst_first(content, replace(drawing, shows=words_on(name, content) or drawing.shows))
+        for name, drawing in known.items()
+    }
 
 
 def render(content: RunAnalysis) -> str:
@@ -87,7 +91,10 @@ def page(content: RunAnalysis) -> Page:
         moved = replace(drawn[WHOLE], number=1)
         made = [replace(tile, link="linear") if tile.link == WHOLE else tile for tile in made]
     kind, answer = "Run", made[0]
-    folds = folds_of([*sections.values()], _above(content, made, moved))
+    above = _above(content, made, moved)
+    if content.looped:
+        above = {fold: with_folded_parts(parts) for fold, parts in above.items()}
+    folds = folds_of([*sections.values()], above)
     whole = Page(
         name, kind, name, first.parts, status=headline(answer), tone=answer.tone, folds=folds, short=first.short
     )
@@ -147,7 +154,10 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
         causes_section(content),
         provenance_section(content),
     ]
-    return [section for section in sections if section is not None]
+    known = [section for section in sections if section is not None]
+    if not content.looped:
+        return known
+    return [replace(section, parts=with_folded_parts(section.parts)) for section in known]
 
 
 def _stated(content: RunAnalysis) -> list[Statement]:

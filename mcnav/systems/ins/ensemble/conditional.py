@@ -42,6 +42,8 @@ class Variates(NamedTuple):
         White noise and correlated errors of the measurements.
     flexure : ndarray, shape (..., I, 3, 2)
         Angles and rates of the flexures of sensors, one after the other, at all of their instants.
+    jitter : ndarray, shape (..., J)
+        Jitter of the J measurements of sensors that have it.
     """
 
     start: Array
@@ -49,6 +51,7 @@ class Variates(NamedTuple):
     white: Array
     correlated: Array
     flexure: Array
+    jitter: Array
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,10 @@ class Measured:
     flexures : tuple of SensorFlexure
     bent : ndarray, shape (U, M, 6)
         As `mcnav.systems.ins.sensors.measurements.Measurements` has the responses to them.
+    jitters : ndarray, shape (U,)
+        Sigma of the jitter of each measurement, s.
+    changes : ndarray, shape (U, M)
+        As `mcnav.systems.ins.sensors.measurements.Measurements` has them.
     """
 
     first: IndexArray
@@ -76,6 +83,8 @@ class Measured:
     swings: Array
     flexures: tuple[SensorFlexure, ...] = ()
     bent: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
+    jitters: Array = field(default_factory=lambda: np.zeros(0))
+    changes: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @classmethod
     def nothing(cls, steps: int, biases: int) -> Measured:
@@ -96,6 +105,7 @@ class Measured:
         return cls(
             tables.loop.first_updates, measured.components, tables.white, tables.correlated, tables.memory, swings,
             tables.flexures, measured.flexure,
+            np.array([sensor.jitter for sensor in tables.loop.sensors])[measured.sensors], measured.changes,
         )  # fmt: skip
 
     def moved(self, flexure: SensorFlexure) -> Array:
@@ -137,6 +147,7 @@ class NoiseSystem:
             np.einsum("uoc,uc->ouc", adjoint.updates, measured.white),
             self._correlated_partials(),
             np.concatenate([np.zeros((9, 0, 3, 2)), *map(self._flexure_partials, self.measured.flexures)], axis=1),
+            -np.einsum("uoc,uc,u->ou", adjoint.updates, measured.changes, measured.jitters)[:, measured.jitters > 0.0],
         )
 
     def _flexure_partials(self, flexure: SensorFlexure) -> Array:
@@ -210,13 +221,15 @@ class NoiseSystem:
                     measured.driven[u, chosen] * variates.correlated[:, u, chosen]
                 )
                 errors[:, u, chosen] += drifts[:, at]
+        jitters = np.zeros((len(start), len(measured.jitters)))
+        jitters[:, measured.jitters > 0.0] = measured.jitters[measured.jitters > 0.0] * variates.jitter
         first = 0
         for each in measured.flexures:
             last = first + len(each.instants)
             drawn = each.flexure.draw(each.instants, variates.flexure[:, first:last].swapaxes(0, 1))
             errors[:, each.updates] += np.einsum("ucar,unar->nuc", measured.moved(each), drawn[each.measured])
             first = last
-        return GivenNoise(added, errors)
+        return GivenNoise(added, errors, jitters if jitters.any() else None)
 
     @property
     def together(self) -> int:

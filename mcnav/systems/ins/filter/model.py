@@ -137,9 +137,10 @@ class FilterModel:
     def _jitters(self) -> Iterator[FilterState]:
         """Jitter of sensors: noise that is common to the components of a measurement, and forgotten after it.
 
-        Such a state is considered: estimated or not, it leaves the same gains and covariances of all others.
+        Such a state is considered where states may be: estimated or not, it leaves the same gains and covariances of
+        all others.
         """
-        considered = self.kind == EKF
+        considered = self.kind == EKF and not self.smoothed
         for sensor in self.beliefs.sensors:
             if sensor.jitter > 0.0:
                 yield FilterState(sensor.jitter_name, sensor.jitter, WITHOUT_MEMORY, 0.0, considered)

@@ -26,7 +26,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mcnav.arrays.types import Array, IndexArray
-from mcnav.compiled.jit import allocation_free_part, compiled
+from mcnav.compiled.jit import allocation_free_loop, allocation_free_part
 from mcnav.systems.ins.imu.instruments import CROSS_AXES, Imu
 from mcnav.systems.ins.linear.gravity_response import GravityResponses, respond_to_gravity
 from mcnav.systems.ins.linear.quadrature import (
@@ -42,6 +42,10 @@ from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 _ROW: Final = np.array(["xyz".index(pair[0]) for pair in CROSS_AXES])
 _COLUMN: Final = np.array(["xyz".index(pair[1]) for pair in CROSS_AXES])
+
+
+COVARIANCES: Final = slice(10, 18)
+"""Covariances among the fields of `StepResponses`."""
 
 
 class StepResponses(NamedTuple):
@@ -115,6 +119,9 @@ def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepRes
         states.rate.reshape(-1, 2, 3), gradient,
     )  # fmt: skip
     _respond(quadrature, _Instruments(constants, _ROW, _COLUMN, imu.quantized), _work(), responses)
+    for covariances in responses[COVARIANCES]:  # of which the lower triangles are known
+        row, column = np.tril_indices(covariances.shape[-1], -1)
+        covariances[..., column, row] = covariances[..., row, column]
     return responses
 
 
@@ -211,16 +218,7 @@ def _add_products(total: Array, vector: Array, weight: float, size: int) -> None
             total[i, j] += scaled * vector[j]
 
 
-@allocation_free_part
-def _fill_upper(total: Array) -> None:
-    """Complete symmetric matrices, shape (3, d, d), from their lower triangles."""
-    for a in range(3):
-        for i in range(total.shape[1]):
-            for j in range(i):
-                total[a, j, i] = total[a, i, j]
-
-
-@compiled
+@allocation_free_loop
 def _respond(quadrature: _Quadrature, instruments: _Instruments, work: _Work, out: StepResponses) -> None:
     """Go through the intervals of each step from the last to the first."""
     for k in range(len(quadrature.begins) - 1):
@@ -249,12 +247,6 @@ def _respond(quadrature: _Quadrature, instruments: _Instruments, work: _Work, ou
             for m in range(3):
                 out.attitude[k, r, m] = work.of_psi[r, m]
                 out.motion[k, r, m], out.motion[k, r, 3 + m] = work.of_v[r, m], work.of_x[r, m]
-        for covariance in (
-            out.gyro_white[k], out.accelerometer_white[k], out.gyro_driven[k], out.gyro_walked[k],
-            out.accelerometer_driven[k], out.accelerometer_walked[k], out.gyro_quantized[k],
-            out.accelerometer_quantized[k],
-        ):  # fmt: skip
-            _fill_upper(covariance)
 
 
 @allocation_free_part

@@ -8,7 +8,7 @@ lift law reaches or leaves its limit, or passes a knot. The ensemble path shares
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,7 +16,6 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from mcnav.arrays.types import Array
-from mcnav.contract.failure import Failure
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
@@ -246,18 +245,13 @@ def _largest_within(phase: FlownPhase, step: int) -> float:
     return -float(within.fun)
 
 
-def fly_guided(
-    navigation: GuidedNavigation, errors: Array, watch: Callable[[Array, Array], None] = lambda times, states: None
-) -> list[FlownPhase]:
+def fly_guided(navigation: GuidedNavigation, errors: Array) -> list[FlownPhase]:
     """Fly one sample from the start of navigation until its altitude, true or indicated, falls through the final one.
 
     Parameters
     ----------
     errors : ndarray, shape (sources,)
         In the order of `Error` and `GuidedError`, SI.
-    watch : callable
-        Called with the integrator's steps, also of a flight that fails: times, shape (m,), s from the first point of
-        the trajectory; actual and indicated states, shape (8, m).
 
     Raises
     ------
@@ -268,7 +262,6 @@ def fly_guided(
     while not ended:
         phase, ended = flight.fly_phase()
         flown.append(phase)
-        watch(phase.steps.times, phase.steps.states.T)
     return flown
 
 
@@ -304,11 +297,5 @@ class GuidedReferenceEngine:
         """Simulate samples."""
         errors = batch.errors
         values = np.empty((len(errors), self.outputs))
-        return SimulationResult(values, simulate_rows(self.navigation, errors, range(len(errors)), values))
-
-
-def simulate_rows(
-    navigation: GuidedNavigation, errors: Array, rows: Iterable[int], values: Array
-) -> dict[int, Failure]:
-    """Simulate some rows of errors, shape (n, sources), into ``values``; see `simulate_each`."""
-    return simulate_each(lambda row: simulate_guided(navigation, errors[row]), rows, values)
+        failures = simulate_each(lambda row: simulate_guided(self.navigation, errors[row]), range(len(errors)), values)
+        return SimulationResult(values, failures)

@@ -42,6 +42,8 @@ def _tables(content: RunAnalysis) -> list[Part]:
         f"Linear error budget: share of the variance, %, and {effect} for one sigma of each cause alone.",
         "Cause", outputs, every, cross_terms, sigmas=True, means=bool(np.any(model.mean)),
     )  # fmt: skip
+    if content.looped:
+        foremost = [Folded(f"Shares of all {len(outputs)} outputs", foremost)]
     return [*foremost, Folded(f"All {len(every)} causes", whole)]
 
 

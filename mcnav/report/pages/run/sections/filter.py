@@ -12,7 +12,7 @@ from mcnav.analysis.summary import Summary
 from mcnav.report.columns.faults import faults_table
 from mcnav.report.columns.filter_columns import foremost_neglected, groups_table, sensors_table, sigmas_of
 from mcnav.report.columns.filter_tables import at_worst
-from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, folded, headed, joined
+from mcnav.report.document.parts import Folded, Part, Section, Sentence, folded, headed, joined
 from mcnav.report.document.table import EMPHASIS, label
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.results.model import RunAnalysis
@@ -27,12 +27,6 @@ EXPLANATION: Final = (
     "{confidence:g} %. It is {consistent} if the interval of every group and of every output at every "
     "single epoch lies within the tolerance. The verdict is on the navigation errors where they are a group, else on "
     "all of the filter's states, and on every output."
-)
-
-
-REMEDIES: Final = (
-    "mcnav brief says what would help by linear analysis: a filter that estimates or considers these errors, "
-    "or smaller ones."
 )
 
 
@@ -67,7 +61,7 @@ def _consistency(content: RunAnalysis, result: FilterConsistency, drawn: Mapping
 def _neglected(summary: Summary) -> tuple[Part, ...]:
     """Show the errors that the filter neglects, and say what tells the remedy; nothing without any."""
     table = foremost_neglected(summary)
-    return headed("Neglected errors", table, Note(REMEDIES)) if table else ()
+    return headed("Neglected errors", table) if table else ()
 
 
 def _verdict(content: RunAnalysis, result: FilterConsistency) -> Sentence:

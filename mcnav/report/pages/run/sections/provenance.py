@@ -31,7 +31,7 @@ def provenance_section(content: RunAnalysis) -> Section:
     return Section("provenance", "Provenance", [
         *headed("Failed samples", _failed_table(failed) if failed else None),
         _facts(content),
-        Lines(content.campaign, "The campaign file"),
+        Folded("The campaign file", [Lines(content.campaign, "The campaign file")]),
         *folded("Input files", _input_table(inputs) if inputs else None),
         Folded("Checksums of the stored samples", _checksums(content.manifest)),
     ])  # fmt: skip

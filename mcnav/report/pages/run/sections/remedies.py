@@ -32,6 +32,7 @@ HELD: Final = "“Gains held”: the filter keeps its gains, and a run of the ch
 DRAWS: Final = "Samples of a changed campaign have the draws of this run."
 LEFT: Final = "A run does not wait for {} more: {} computes them."
 WITHHELD: Final = "Withheld, because samples did not confirm it: {}."
+CODE_FILTER: Final = "What the filter models is in the code of the scenario. Let it estimate or consider {}."
 TONES: Final = dict.fromkeys(CONFIRMING, "agrees") | dict.fromkeys(REFUTING, "differs")
 NAMED: Final = 3
 """Remedies that are named where they are withheld."""
@@ -47,6 +48,7 @@ def remedies_section(remedies: Remedies | None, outputs: Outputs, command: str) 
 def remedy_parts(remedies: Remedies, outputs: Outputs, command: str) -> list[Part]:
     """Tabulate the remedies, or say why there is none."""
     notes = [
+        Note(CODE_FILTER.format(several([humanize(kind) for kind in remedies.missed]))) if remedies.missed else None,
         Note(WITHHELD.format(several(remedies.withheld, NAMED))) if remedies.withheld else None,
         Note(Markup(LEFT).format(remedies.left, CODE(command))) if remedies.left else None,
     ]
@@ -120,9 +122,9 @@ def effect(remedies: Remedies, outputs: Outputs) -> str:
         return f"{percent(best.then.used)} of the limit ({percent(remedies.now.used)} now){finding}"
     if best.mends:
         sigma = remedies.output and not math.isnan(best.then.sigma)
-        of = f", {humanize(remedies.output)} {sigma_words(best.then.sigma, remedies, outputs)}" if sigma else ""
+        of = f", {sigma_words(best.then.sigma, remedies, outputs)}" if sigma else ""
         return f"consistent{by}{of}"
-    return f"{rounded(best.then.ratio, 2)} times the filter's ({rounded(remedies.now.ratio, 2)} now)"
+    return f"ratio {rounded(best.then.ratio, 2)} ({rounded(remedies.now.ratio, 2)} now)"
 
 
 def sigma_words(sigma: float, remedies: Remedies, outputs: Outputs) -> str:

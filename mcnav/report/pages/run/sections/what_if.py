@@ -42,7 +42,7 @@ SAMPLED: Final = "Requirements: the bound of the samples, scaled as linear covar
 
 MEASURED: Final = (
     "The value of a requirement is its linear value, multiplied by what the samples show of the campaign as it is: {}. "
-    "It is not simulated: mcnav brief simulates the changes that it proposes, and mcnav run a file of your own."
+    "It is not simulated: mcnav report --remedies simulates what would help, and mcnav run a file of your own."
 )
 FAILS: Final = (
     "Linear analysis does not hold in this run. What you change here follows linear analysis, and may miss by more "

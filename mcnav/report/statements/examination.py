@@ -1,0 +1,62 @@
+"""Examination of linear analysis in sentences: where it holds, where it does not, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from mcnav.report.names import humanize
+from mcnav.report.statements.words import joined, several
+
+if TYPE_CHECKING:
+    from mcnav.analysis.examination import Examination
+    from mcnav.analysis.linear_answer import LinearAnswer
+
+TONES: Final = {"holds": "agrees", "does not hold": "differs", "cannot say": "undecided"}
+
+UNSEEN: Final = "The examination cannot see errors rarer than about one in thirty, such as a rare jump"
+"""What few simulations do not meet."""
+
+NAMED: Final = 2
+"""Outputs that are named with their ratios."""
+
+
+def examination_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """Say where linear analysis holds, in one statement with its tone; nothing where it was not examined."""
+    if answer.unexamined:
+        yield f"Linear analysis was not examined: {answer.unexamined}. mcnav lincov --examine does it", ""
+    if answer.examination is not None:
+        yield _statement(answer, answer.examination)
+
+
+def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
+    begin = f"Linear analysis, examined by {examined.flights:,} flights"
+    if examined.failed and all(output.verdict == "cannot say" for output in examined.outputs):
+        return f"{begin}: cannot say, since {examined.failed:,} of them failed. Run samples", "undecided"
+    names = [humanize(output.name) for output in answer.outputs]
+    verdicts = [output.verdict.value for output in examined.outputs]
+    together = "" if examined.joint is None else examined.joint.verdict.value
+    if {*verdicts, together} <= {"holds", ""}:
+        return f"{begin}: holds for all {len(names)} outputs, each alone and together", "agrees"
+    sentences = [f"{begin}: holds for {verdicts.count('holds')} of {len(names)} outputs"]
+    failing = sorted(
+        ((name, output) for name, output in zip(names, examined.outputs, strict=True)
+         if output.verdict == "does not hold"),
+        key=lambda named: -abs(named[1].ratio - 1.0),
+    )  # fmt: skip
+    if failing:
+        worst = [f"{name} (true sigma about {output.ratio:.2f} times)" for name, output in failing[:NAMED]]
+        more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
+        does = "does" if len(failing) == 1 else "do"
+        words = f"{', '.join(worst) if more else joined(worst)}{more} {does} not"
+        sentences.append(words[:1].upper() + words[1:])
+    unknown = [name for name, verdict in zip(names, verdicts, strict=True) if verdict == "cannot say"]
+    if unknown:
+        sentences.append(f"Cannot say for {several(unknown)}: run samples")
+    if together == "does not hold":
+        sentences.append("Together it does not: use no gate or fusion with the full matrix")
+    elif together == "cannot say":
+        sentences.append("Together it cannot say: run samples before you use the full matrix")
+    worst_verdict = next(verdict for verdict in ("does not hold", "cannot say") if verdict in (*verdicts, together))
+    tone = "partly" if worst_verdict == "does not hold" and "does not hold" not in verdicts else TONES[worst_verdict]
+    return ". ".join(sentences), tone

@@ -1,0 +1,143 @@
+"""Examination of a campaign's linear analysis by simulations of its first engine; see `mcnav.analysis.examination`."""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mcnav.analysis.comparison import Model
+from mcnav.analysis.examination import CheckFlights, CorrectedMoments, Examination, examine, refuse
+from mcnav.config.read import Campaign
+from mcnav.contract.engine import Engine, without_noise
+from mcnav.contract.samples import Batch
+from mcnav.contract.scenario import runs_user_code
+from mcnav.execution.progress import COMPILATION, NotCompiled, duration
+from mcnav.linear.departure_model import DepartureModel, RotatedAxes
+from mcnav.linear.higher_order import second_order
+from mcnav.linear.partials import QUICK, SimulationFailed
+from mcnav.sampler.error_model import ErrorModel
+from mcnav.studies.curved_tails import MOST_SIMULATIONS
+
+SEED: Final = 1_965
+"""Seed of the check simulations: none of a campaign's samples is among them."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Leading axes whose pairs are simulated, and pairs of check simulations."""
+
+    leading: int
+    pairs: int
+
+
+FIRST: Final = Effort(3, 16)
+SECOND: Final = Effort(8, 64)
+"""Effort where the first one cannot say, and the engine is quick."""
+
+ONE_TO_ALL: Final = 2.0
+"""Time of a hundred simulations side by side over that of one, of the loops among the examples at most."""
+
+STEP: Final = 0.2
+"""Step of the differences of corrected moments, in sigmas: they are expansions about the mean errors."""
+
+NOTABLE: Final = 0.002
+"""Difference of a sigma ratio from one from which on corrected moments are computed."""
+
+DRAWN: Final = 8_192
+"""Draws over which the polynomial is averaged where errors are not normal."""
+
+
+def examine_campaign(campaign: Campaign, model: Model, seconds: float = math.inf) -> Examination | str:
+    """Examine a campaign's linear model by simulations, or say in a clause why that was left out.
+
+    They are those to which a polynomial is fitted, and pairs of check simulations, once without noise and, where there
+    is noise, once with it. Where these cannot say and the engine is quick, more are simulated.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        Seconds that it may take; without a limit code is compiled where that is needed, else not. A class of the user's
+        is asked for one simulation before.
+    """
+    with nullcontext() if math.isinf(seconds) else COMPILATION.refusing():
+        try:
+            return _examine_within(seconds, campaign, model)
+        except NotCompiled:
+            return "the simulator has not been compiled on this machine yet"
+
+
+def _examine_within(seconds: float, campaign: Campaign, model: Model) -> Examination | str:
+    from mcnav.runner.draws import DrawPlan  # with a run's files, which other answers do not need
+    from mcnav.runner.soundness import exact_engine
+
+    scenario, errors = campaign.scenario, campaign.errors
+    draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
+    engine = exact_engine(scenario, draws.probes(), campaign.sample_timeout)
+    if runs_user_code(scenario) and math.isfinite(seconds):
+        began = time.perf_counter()
+        without_noise(engine)(errors.mean[None])
+        expected = ONE_TO_ALL * (2.0 if engine.noisy else 1.0) * (time.perf_counter() - began)
+        if expected > seconds:
+            return f"it would take about {duration(expected)}"
+    examined = examine_model(model, errors, engine, campaign.tolerance)
+    if examined.failed or engine.chunk < QUICK:
+        return examined
+    return replace(examined, corrected=_corrected(errors, model, engine, examined))
+
+
+def examine_model(model: Model, errors: ErrorModel, engine: Engine, tolerance: float) -> Examination:
+    """Examine a linear model by simulations of an engine; where the first cannot say and it is quick, by more."""
+    first = _examine_by(FIRST, model, errors, engine, tolerance)
+    if first.failed or first.decided or engine.chunk < QUICK:
+        return first
+    return first.completed_by(_examine_by(SECOND, model, errors, engine, tolerance))
+
+
+def _corrected(errors: ErrorModel, model: Model, engine: Engine, examined: Examination) -> CorrectedMoments | None:
+    """Correct mean and sigma by second and third derivatives; none where a sigma is linear, or too many are needed."""
+    linear = np.sqrt(np.diag(model.outcome_covariance))
+    ratios = np.array([output.ratio for output in examined.outputs])
+    directions = int(np.count_nonzero(errors.standard_deviations))
+    simulations = 2 * directions**2 + 2 * directions + 1
+    bent = np.nanmax(np.abs(ratios - 1.0), initial=0.0) > NOTABLE
+    if not bent or not errors.normal or simulations > MOST_SIMULATIONS:
+        return None
+    try:
+        order = second_order(without_noise(engine), errors.mean, errors.covariance, STEP)
+    except SimulationFailed:
+        return None
+    variance = np.diag(model.outcome_covariance + order.quadratic + order.third_order)
+    sigma = np.sqrt(np.maximum(variance, 0.0))
+    widths = np.array([0.5 * (output.high - output.low) for output in examined.outputs])
+    error = np.abs(sigma - ratios * linear) + widths * linear
+    return CorrectedMoments(order.centre + order.mean_shift, sigma, error)
+
+
+def _examine_by(effort: Effort, model: Model, errors: ErrorModel, engine: Engine, tolerance: float) -> Examination:
+    """Examine a linear model with some effort."""
+    sigma = np.sqrt(np.diag(model.outcome_covariance))
+    axes = RotatedAxes.of(model.partials, errors.mean, errors.covariance, sigma, effort.leading)
+    checks = errors.draw("antithetic", SEED, 2 * effort.pairs, 0, 2 * effort.pairs)
+    fitted = axes.errors_at(axes.nodes)
+    steady = without_noise(engine)(np.vstack([fitted, checks]))
+    noisy = engine.simulate(Batch(np.arange(len(checks)), checks, SEED)) if engine.noisy else None
+    simulated = len(fitted) + len(checks) * (2 if engine.noisy else 1)
+    failed = len(steady.failures) + (0 if noisy is None else len(noisy.failures))
+    if failed:
+        return refuse(simulated, failed, tolerance, len(sigma))
+    linear = (checks - errors.mean) @ model.partials.T
+    at_nodes, at_checks = np.split(steady.values - model.outcome_mean, [len(fitted)])
+    departures = at_checks - linear
+    noise = None
+    if noisy is not None and noisy.linear_values is not None:
+        by_noise = noisy.linear_values - model.outcome_mean - linear
+        noise = by_noise, noisy.values - noisy.linear_values - departures
+    departure = DepartureModel.fit(axes, at_nodes - axes.nodes @ axes.slopes.T)
+    flights = CheckFlights(axes.normals_of(checks), linear, departures, noise)
+    drawn = None if errors.normal else axes.normals_of(errors.draw("random", SEED, DRAWN, 0, DRAWN))
+    return examine(model, departure, flights, tolerance, simulated, drawn)

@@ -1,0 +1,224 @@
+"""Examination of linear analysis: against runs, against functions made to deceive it, and in words."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from mcnav.analysis.comparison import Model
+from mcnav.arrays.types import Array
+from mcnav.config.read import read_campaign
+from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.execution.progress import COMPILATION, NotCompiled
+from mcnav.report.pages.lincov import statements
+from mcnav.sampler.distributions import Normal, Uniform
+from mcnav.sampler.error_model import ErrorModel
+from mcnav.studies import examine
+from mcnav.studies.lincov import linear_covariance, write_lincov
+from tests.commands import invoke
+
+ROOT = Path(__file__).parents[2]
+CAMPAIGNS = ROOT / "campaigns"
+
+
+@dataclass(frozen=True)
+class Function:
+    """Engine of a function of the errors, shape (n, sources) to (n,); it is not quick, so that there is one try."""
+
+    function: Callable[[Array], Array]
+    chunk: int = 64
+    noisy: bool = False
+    parallel: str = "threads"
+    accuracy: str = ""
+    epochs: ClassVar[None] = None
+    filter: ClassVar[None] = None
+
+    def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+        return SimulationResult(self.function(batch.errors)[:, None])
+
+
+def model_of(slopes: Array) -> tuple[Model, ErrorModel]:
+    """Return the linear model of one output and its sources of one sigma each."""
+    names = [f"x{number}" for number in range(len(slopes))]
+    errors = ErrorModel(names, {name: Normal(1.0) for name in names})
+    return Model(slopes[None], np.zeros(1), errors.mean, errors.covariance), errors
+
+
+def product_of_others(rng: np.random.Generator) -> tuple[Array, Callable[[Array], Array]]:
+    """One source, and a product of two that have no linear effect: true over linear sigma is 1.1."""
+    slopes = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+    i, j = rng.choice(np.arange(1, 5), 2, replace=False)
+    return slopes, lambda x: x[:, 0] + np.sqrt(0.21) * x[:, i] * x[:, j]
+
+
+def dense_curvature(rng: np.random.Generator) -> tuple[Array, Callable[[Array], Array]]:
+    """Forty sources with a dense matrix of second derivatives: the ratio is 1.1."""
+    slopes, full = rng.standard_normal(40), rng.standard_normal((40, 40))
+    hessian = full + full.T
+    slopes /= np.linalg.norm(slopes)
+    hessian *= np.sqrt(0.21 / (0.5 * np.sum(hessian**2)))
+    return slopes, lambda x: x @ slopes + 0.5 * np.einsum("ni,ij,nj->n", x, hessian, x)
+
+
+def third_order(rng: np.random.Generator) -> tuple[Array, Callable[[Array], Array]]:
+    """Twenty sources and sixty products of three of them: the ratio is 1.1."""
+    slopes = rng.standard_normal(20)
+    slopes /= np.linalg.norm(slopes)
+    triples = np.array([rng.choice(20, 3, replace=False) for _ in range(60)])
+    unique = np.unique(np.sort(triples, axis=1), axis=0)
+    weight = np.sqrt(0.21 / len(unique))
+    return slopes, lambda x: x @ slopes + weight * np.prod(x[:, unique], axis=2).sum(axis=1)
+
+
+@pytest.mark.parametrize("deceiver", [product_of_others, dense_curvature, third_order])
+def test_functions_made_to_deceive_are_seldom_called_linear(
+    deceiver: Callable[[np.random.Generator], tuple[Array, Callable[[Array], Array]]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A true ratio of 1.1 is called linear, within 4 %, in at most 8 of 100 seeds: the rate that is promised."""
+    wrongly = 0
+    for seed in range(100):
+        slopes, function = deceiver(np.random.default_rng(seed))
+        monkeypatch.setattr(examine, "SEED", 5_000 + seed)
+        model, errors = model_of(slopes)
+        wrongly += examine.examine_model(model, errors, Function(function), 0.05).outputs[0].verdict == "holds"
+    assert wrongly <= 8
+
+
+def test_a_rare_jump_is_seldom_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A jump of ten sigmas with a probability of 0.5 % makes a ratio of 1.2, and few flights meet it: the page says so.
+
+    None of 32 check flights meets it with a probability of 0.85; of 100 seeds at least 74 then hold (1 % quantile).
+    """
+    model, errors = model_of(np.array([1.0, 0.1]))
+    jump = Function(lambda x: x[:, 0] + 0.1 * x[:, 1] + 10.0 * (x[:, 1] > 2.576))
+    held = 0
+    for seed in range(100):
+        monkeypatch.setattr(examine, "SEED", 5_000 + seed)
+        held += examine.examine_model(model, errors, jump, 0.05).outputs[0].verdict == "holds"
+    assert held >= 74
+
+
+def test_sources_that_are_not_normal() -> None:
+    """A square of a uniform source, whose moments are those of the uniform law: the ratio is 1.118."""
+    errors = ErrorModel(["x", "y"], {"x": Uniform(1.0), "y": Normal(1.0)})
+    model = Model(np.array([[0.0, 1.0]]), np.zeros(1), errors.mean, errors.covariance)
+    variance = errors.covariance[0, 0]
+    fourth = 9.0 / 5.0 * variance**2  # of a uniform law
+    weight = np.sqrt(0.25 / (fourth - variance**2))
+    square = Function(lambda x: x[:, 1] + weight * x[:, 0] ** 2, chunk=8_192)
+    examined = examine.examine_model(model, errors, square, 0.05).outputs[0]
+    assert examined.low < np.sqrt(1.25) < examined.high
+    assert examined.verdict == "does not hold"
+
+
+def test_a_failed_flight_is_no_answer() -> None:
+    @dataclass(frozen=True)
+    class Failing(Function):
+        def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
+            values = batch.errors[:, :1].copy()
+            values[3] = np.nan
+            return SimulationResult(values, {3: "fell"})
+
+    model, errors = model_of(np.array([1.0, 0.0]))
+    examined = examine.examine_model(model, errors, Failing(lambda x: x[:, 0]), 0.05)
+    assert (examined.failed, examined.outputs[0].verdict) == (1, "cannot say")
+    assert examined.joint is not None
+    assert examined.joint.verdict == "cannot say"
+
+
+VERDICTS = {
+    "02_tn_d1772_trajectory_1": ("holds", set(), set()),
+    "07_tn_d1772_trajectory_7": ("does not hold", set(), set()),
+    "14_polar": ("does not hold", {"y"}, {"x"}),
+    "15_flight_navigation_grade": ("does not hold", set(), set()),
+    "19_flight_with_gnss": ("holds", set(), set()),
+}
+"""Campaigns with the verdict on all outputs together, outputs whose sigma is not linear, and those open.
+
+By runs with 20,000 samples (2,000 of 19) linear analysis differs together where it does not hold here, and
+differs in sigma in the y of 14 alone (a ratio of 2.60; x has 0.965, within the tolerance of 5 % and at its edge).
+"""
+
+
+@pytest.mark.parametrize("name", VERDICTS)
+def test_campaigns_are_answered_as_runs_answer(name: str) -> None:
+    answer = linear_covariance(read_campaign(CAMPAIGNS / f"{name}.toml"), examine=True)
+    examined = answer.examination
+    assert examined is not None
+    assert examined.joint is not None
+    together, failing, unknown = VERDICTS[name]
+    verdicts = {output.name: row.verdict for output, row in zip(answer.outputs, examined.outputs, strict=True)}
+    assert {output for output, verdict in verdicts.items() if verdict == "does not hold"} == failing
+    assert {output for output, verdict in verdicts.items() if verdict == "cannot say"} == unknown
+    assert examined.joint.verdict == together
+
+
+def test_corrected_moments_of_polar_coordinates(tmp_path: Path) -> None:
+    """Sigmas to fourth order of campaign 14: 52.167 and 252.723 m, mean -34.269 m; exact 50.680, 253.129, -33.689 m.
+
+    The error of their derivatives, by steps of a fifth of a sigma, is below 1e-4.
+    """
+    _, (written, *_) = write_lincov(read_campaign(CAMPAIGNS / "14_polar.toml"), tmp_path, examine=True)
+    linearity = json.loads(written.read_text(encoding="utf-8"))["linearity"]
+    assert linearity["sigma_second"] == pytest.approx([252.723, 52.167], rel=1e-4)
+    assert min(abs(mean - -34.269) for mean in linearity["mean_second"]) < 5e-3
+    assert linearity["flights"] == 178
+    assert {row["verdict"] for row in linearity["outputs"]} <= {"holds", "does not hold", "cannot say"}
+
+
+def test_statement_and_requirements_follow_the_examination() -> None:
+    """Requirements on an output whose sigma is not linear are not judged linearly."""
+    campaign = read_campaign(CAMPAIGNS / "14_polar.toml")
+    answer = linear_covariance(campaign, examine=True)
+    words, tone = statements(answer)[0]
+    assert tone == "differs"
+    assert words == (
+        "Linear analysis, examined by 178 flights: holds for 0 of 2 outputs. Y (true sigma about 2.48 times) does not. "
+        "Cannot say for x: run samples. Together it does not: use no gate or fusion with the full matrix"
+    )
+
+
+def test_nothing_is_compiled_for_it_unless_it_is_asked_for() -> None:
+    """Code that is not stored is refused, and the next compilation works."""
+    from mcnav.compiled.jit import compiled
+
+    def cube(x: float) -> float:
+        return x * x * x
+
+    function = compiled(cube)
+    before = COMPILATION.functions
+    with COMPILATION.refusing(), pytest.raises(NotCompiled):
+        function(2.0)
+    assert (COMPILATION.begun, COMPILATION.functions) == (0, before)
+    assert function(2.0) == 8.0
+
+
+def test_command_line(tmp_path: Path) -> None:
+    campaign = CAMPAIGNS / "14_polar.toml"
+    done = invoke("lincov", campaign, "--no-examine", "--out", tmp_path, cwd=tmp_path)
+    assert "examined" not in done.stdout
+    assert "linearity" not in json.loads((tmp_path / "lincov.json").read_text(encoding="utf-8"))
+
+
+def test_measured_rates_are_those_of_the_file() -> None:
+    """The page's table counts the rows of the experiment; none of them calls linear what a run finds different."""
+    with (ROOT / "reports" / "calibration" / "examination.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    counted = Counter((row["noise"] == "True", row["examined"], row["by_samples"]) for row in rows)
+    page = (ROOT / "mcnav" / "docs" / "EXAMINATION.md").read_text(encoding="utf-8")
+    for noise in (False, True):
+        for verdict in ("holds", "cannot say", "does not hold"):
+            shown = [counted[noise, verdict, by_samples] for by_samples in ("agrees", "undecided", "differs")]
+            line = f"| {'with' if noise else 'without'} | {verdict} | {' | '.join(map(str, shown))} |"
+            assert line in page
+        assert counted[noise, "holds", "differs"] == 0
+        assert counted[noise, "does not hold", "agrees"] == 0

@@ -1,0 +1,102 @@
+"""Files that are not what they say, found without a filter: records of `tests.calibration.own_records`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mcnav.contract.recorded import RecordedMeasurements, Recording
+from mcnav.judgement.column_match import velocity_fault
+from mcnav.judgement.plain_files import IMU, find_fault
+from tests.calibration.named_trials import recording_of
+from tests.calibration.own_records import FILE_FAULTS, WRONG, fly, late_by
+
+
+@pytest.mark.parametrize("name", FILE_FAULTS)
+def test_a_fault_of_the_files_is_named(name: str) -> None:
+    change, words = FILE_FAULTS[name]
+    for seed in (1, 2):
+        fault = find_fault(recording_of(change(fly(seed))), 3.0, 0.02)
+        assert fault is not None
+        assert words in fault.message
+        assert "\n" not in fault.message
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_a_filter_has_to_tell_is_no_fault_of_the_files(name: str) -> None:
+    assert find_fault(recording_of(fly(3, WRONG[name][0])), 3.0, 0.02) is None
+
+
+def with_gnss(recording: Recording, **values: np.ndarray) -> Recording:
+    gnss = recording.measurements["gnss"]
+    return replace(
+        recording, measurements={"gnss": RecordedMeasurements(gnss.times, {**gnss.values, **values})}
+    )  # fmt: skip
+
+
+def test_positions_and_velocities_alone_show_what_both_together_show() -> None:
+    """Of velocities the readings tell exchanged columns; of positions clocks, and where latitude is longitude."""
+    recording = recording_of(fly(4))
+    gnss = recording.measurements["gnss"]
+    velocity = gnss.values["velocity"]
+    alone = replace(
+        recording, measurements={"gnss": RecordedMeasurements(gnss.times, {"velocity": velocity[:, [1, 0, 2]]})}
+    )
+    fault = find_fault(alone)
+    assert fault is not None
+    assert "north and east are exchanged, or one of them has the wrong sign" in fault.message
+    late = recording_of(late_by(3.0)(fly(4))).measurements["gnss"]
+    positions = replace(
+        recording, measurements={"gnss": RecordedMeasurements(late.times, {"position": late.values["position"]})}
+    )
+    fault = find_fault(positions)
+    assert fault is not None
+    assert "3 s late against the readings: whole seconds" in fault.message
+    fault = find_fault(with_gnss(recording, position=gnss.values["position"][:, [1, 0, 2]]))
+    assert fault is not None
+    assert "latitude and longitude are exchanged" in fault.message
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(3.6, "they are in km/h"), (1.943844, "they are in kn"), (100.0, "in cm/s"), (-1.0, "have the wrong sign")],
+)  # fmt: skip
+def test_velocities_in_other_units_are_named(factor: float, words: str) -> None:
+    gnss = recording_of(fly(5)).measurements["gnss"]
+    values = {**gnss.values, "velocity": factor * gnss.values["velocity"]}
+    assert words in velocity_fault(RecordedMeasurements(gnss.times, values))
+    assert not velocity_fault(gnss)
+
+
+@pytest.mark.parametrize(
+    ("gyro", "force", "words"),
+    [
+        (180.0 / np.pi, 1.0, "in deg/s"), (1e3, 1.0, "in mrad/s"), (np.pi / 180.0, 1.0, "rad/s, not deg/s"),
+        (-1.0, 1.0, "turn against the track"), (1.0, 1e3 / 9.80665, "it is in mg"),
+    ],
+)  # fmt: skip
+def test_readings_in_other_units_are_named(gyro: float, force: float, words: str) -> None:
+    recording = recording_of(fly(6))
+    fault = find_fault(
+        replace(recording, gyro=gyro * recording.gyro, accelerometer=force * recording.accelerometer)
+    )  # fmt: skip
+    assert fault is not None
+    assert fault.subject == IMU
+    assert words in fault.message
+
+
+def test_a_vehicle_at_rest_tells_nothing_of_clocks_and_headings() -> None:
+    """Nothing moves but by noise, fixes repeat as receivers at rest repeat them: no fault is seen."""
+    rng = np.random.default_rng(7)
+    count = 6000
+    force = np.tile([0.0, 0.0, -9.81], (count, 1)) + 0.01 * rng.standard_normal((count, 3))
+    times = np.arange(1.0, 120.0)
+    velocity = np.repeat(0.03 * rng.standard_normal((len(times) // 7 + 1, 3)), 7, axis=0)[: len(times)]
+    position = np.tile([0.8, 0.2, 300.0], (len(times), 1))
+    gnss = RecordedMeasurements(times, {"position": position, "velocity": velocity})
+    recording = Recording(
+        0.02 * np.arange(1.0, count + 1.0), 1e-3 * rng.standard_normal((count, 3)), force, {"gnss": gnss}
+    )
+    assert find_fault(recording) is None
