@@ -26,6 +26,7 @@ from mcnav.report.results.identified import (
     ParameterRow,
     SigmaRow,
 )
+from mcnav.report.statements.words import several
 
 WORDS: Final = {
     "random_walk": "white noise",
@@ -38,11 +39,11 @@ WORDS: Final = {
 RATES: Final = {"gyro": "deg/h", "accelerometer": "ug"}
 """Shown units of readings."""
 
-CAMPAIGN_NOTE: Final = (
-    "The interval follows from those of the identified values alone. Not included: the uncertainty of what the logs do "
-    "not show, that is constant biases, scale factors, misalignments, initial errors and sensors, which are the "
-    "campaign's; differences between this unit at rest and any other one, in motion, or at other temperatures; "
-    "departures from linear analysis, which mcnav run tests."
+CAMPAIGN_NOTES: Final = (
+    "The interval follows from those of the identified values alone. What the logs do not show is the campaign's: "
+    "constant biases, scale factors, misalignments, initial errors and sensors.",
+    "Not included: differences between this unit at rest and any other one, in motion, or at other temperatures; and "
+    "departures from linear analysis, which mcnav run tests.",
 )
 
 TEST_NOTE: Final = (
@@ -50,6 +51,9 @@ TEST_NOTE: Final = (
     "rejects about five of a hundred records whose model is right. A model that is not rejected may still be wrong "
     "where the record is too short to tell."
 )
+
+KINDS: Final = 2
+"""Kinds of processes that a sentence names."""
 
 NOTICED: Final = 2
 """Remarks that the terminal shows in brief."""
@@ -400,10 +404,10 @@ def _campaign_parts(sigmas: CampaignSigmas) -> list[Part]:
              + (", also in what the filter believes of the instruments unless the campaign says otherwise"
                 if sigmas.filtered else "") + "."]  # fmt: skip
     if sigmas.kept:
-        words.append(f"Kept from the campaign, because the logs do not identify them: {_named(sigmas.kept)}.")
+        words.append(f"Kept from the campaign, not identified by the logs: {_named(sigmas.kept)}.")
     if sigmas.bounded:
         words.append(f"At the bounds: with {_named(sigmas.bounded)} as large as the logs allow.")
-    return [_sigma_table(sigmas), Sentence(" ".join(words)), Note(CAMPAIGN_NOTE)]
+    return [_sigma_table(sigmas), *map(Sentence, words), *map(Note, CAMPAIGN_NOTES)]
 
 
 def _named(names: Sequence[str]) -> str:
@@ -416,4 +420,4 @@ def _named(names: Sequence[str]) -> str:
     for name in names:
         kind, _, axis = name.rpartition("_")
         axes.setdefault(kind, []).append(axis)
-    return "; ".join(f"{humanize(kind)} {', '.join(axis)}" for kind, axis in axes.items())
+    return several([f"{humanize(kind)} {', '.join(axis)}" for kind, axis in axes.items()], KINDS)
