@@ -42,8 +42,8 @@ RATES: Final = {"gyro": "deg/h", "accelerometer": "ug"}
 CAMPAIGN_NOTES: Final = (
     "The interval follows from those of the identified values alone. What the logs do not show is the campaign's: "
     "constant biases, scale factors, misalignments, initial errors and sensors.",
-    "Not included: differences between this unit at rest and any other one, in motion, or at other temperatures; and "
-    "departures from linear analysis, which mcnav run tests.",
+    "Not included: differences between this unit at rest and any other one, in motion, or at other temperatures. "
+    "Nor are departures from linear analysis: mcnav run tests them.",
 )
 
 TEST_NOTE: Final = (
