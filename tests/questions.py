@@ -32,7 +32,8 @@ from mcnav.report.pages.brief import page as brief_page
 from mcnav.store.manifest import ExceedanceRecord
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate
-from mcnav.studies.lincov import answer_linearly, changeable_content
+from mcnav.studies.changeable_content import changeable_content
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.linearity import linearity_study
 from mcnav.studies.live import LiveCampaign
 from mcnav.studies.start_times import start_time_study

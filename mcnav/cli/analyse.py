@@ -74,7 +74,8 @@ def lincov(
     from mcnav.report.document.terminal_parts import printed
     from mcnav.report.pages.lincov import exported
     from mcnav.report.pages.lincov_page import terminal
-    from mcnav.studies.lincov import read_times, write_lincov
+    from mcnav.studies.lincov import write_lincov
+    from mcnav.studies.linear_answers import read_times
 
     times = None if at is None else read_times(at)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")

@@ -125,7 +125,7 @@ def _show_sweep(
     from mcnav.report.pages import sweep as tables
     from mcnav.report.pages.sweep_page import terminal
     from mcnav.report.terminal import progress
-    from mcnav.studies.lincov import read_times
+    from mcnav.studies.linear_answers import read_times
     from mcnav.studies.sweep import SweepPlan, write_sweep
 
     times = () if at is None else tuple(read_times(at).tolist())

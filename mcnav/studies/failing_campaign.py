@@ -25,7 +25,7 @@ from mcnav.config.documents import Document
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.contract.quantities import Source
 from mcnav.report.results.model import RunAnalysis
-from mcnav.studies.lincov import changeable_content
+from mcnav.studies.changeable_content import changeable_content
 from mcnav.studies.remedy_changes import Change, written
 from mcnav.systems.registry import is_code
 from mcnav.workflow.what_if import what_if_of_answer, what_if_of_run

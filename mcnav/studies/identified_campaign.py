@@ -27,7 +27,7 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.identification.fit import relative_covariance
 from mcnav.physics.units import conversion
 from mcnav.report.results.identified import AxisReport, CampaignSigmas, IdentificationReport, SigmaRow
-from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.systems.ins.imu.instruments import AXES, Imu, Noise, process_sizes
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.scenario import Ins, Navigation

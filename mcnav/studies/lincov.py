@@ -1,272 +1,40 @@
-"""Linear covariance of a campaign: at its end, over time, by cause, and against its requirements; not of samples."""
+"""Linear covariance of a campaign as ``lincov.json`` and a page."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import asdict
 from pathlib import Path
-from time import perf_counter
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.answer_times import as_read
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.examination import Examination
-from mcnav.analysis.filter_consistency import Honesty
-from mcnav.analysis.gates import GateAnswer, answer_gates
-from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, where_linear, within_range
-from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
-from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
-from mcnav.analysis.linear_range import picked
-from mcnav.analysis.rejections import RejectionAnswer
+from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_covariance import LinearCovariance
+from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.remedies import Remedies
-from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.analysis.what_if import WhatIf
-from mcnav.analysis.withheld import with_rejections
 from mcnav.arrays.types import Array
-from mcnav.config.documents import Description, document_of
-from mcnav.config.read import Campaign, campaign_from
-from mcnav.config.toml import Content
-from mcnav.contract.linear import LinearModel, LinearSystem
+from mcnav.config.read import Campaign
 from mcnav.contract.quantities import kinds_of
-from mcnav.contract.questions import Question, reason_against
-from mcnav.contract.scenario import Scenario, ScenarioError, has_gates
-from mcnav.errors import CampaignError, Problem
-from mcnav.execution.threads import one_thread
 from mcnav.files.whole import indented_json, to_json, write_texts
-from mcnav.linear.refusals import scenario_errors
-from mcnav.physics.units import UnitError, quantity
 from mcnav.report.columns.gates import gates_entry
 from mcnav.report.document.html import page_html
 from mcnav.report.document.parts import Page
-from mcnav.report.pages.lincov_page import card, page
+from mcnav.report.pages.lincov_page import page
 from mcnav.report.statements.lincov import final_nominal
-from mcnav.studies.curved_tails import with_curvature
-from mcnav.studies.examine import examine_campaign
-from mcnav.systems.ins.recognition import is_ins
-from mcnav.systems.user.scenario import is_users
-from mcnav.workflow.rejections import rejections_of
+from mcnav.studies.changeable_content import changeable_content
+from mcnav.studies.linear_answers import linear_covariance, outages_of
+from mcnav.studies.remedies import remedies_of_answer
 from mcnav.workflow.what_if import what_if_of_answer
 
 FILE: Final = "lincov.json"
 PAGE: Final = "lincov.html"
-
-OF_SIZES: Final = ("imu", "filter", "processes", "measurements")
-"""Tables of a campaign file that a campaign has as they are in the file."""
-
-
-def linear_covariance(campaign: Description, times: Array | None = None, examine: bool | None = False) -> LinearAnswer:
-    """Compute the linear covariance of a campaign and judge its requirements for normal errors.
-
-    Parameters
-    ----------
-    campaign : str, Path, Campaign or mapping
-        Campaign file, campaign, or dictionary shaped like a campaign file.
-    times : ndarray, shape (r,), optional
-        Further times, in the trajectory's time, s.
-    examine : bool, optional
-        Whether simulations examine where linear analysis holds (`mcnav.analysis.examination`); with none, where that
-        costs less than the answer and the simulator is compiled already.
-
-    Raises
-    ------
-    CampaignError
-        When the campaign has mistakes, its scenario has no linear model, or a time lies outside its navigation.
-
-    Examples
-    --------
-    >>> import mcnav as mc
-    >>> answer = mc.linear_covariance({"scenario": {"type": "reentry", "trajectory": 1}, "errors": {"altitude": 5e3}})
-    >>> round(float(answer.sigma[0]))  # m
-    6126
-    """
-    began = perf_counter()
-    described = campaign_from(campaign)
-    answer = answer_linearly(described, times)
-    with one_thread(), scenario_errors(described.file):
-        answer = replace(answer, requirements=with_curvature(answer, described))
-        remarks = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
-        gates = _gates(described)
-        if examine is not False and answer.beyond is None:
-            answer = _examined(answer, described, math.inf if examine else perf_counter() - began)
-    return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=_outages(described)))
-
-
-def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> LinearAnswer:
-    """Add the examination of an answer, which may take so many seconds, or the reason why it has none."""
-    examined = examine_campaign(campaign, answer.model, seconds)
-    if isinstance(examined, str):
-        return replace(answer, unexamined=examined)
-    return replace(answer, examination=examined, requirements=where_linear(answer.requirements, examined))
-
-
-def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
-    """Answer what the gates of sensors stop; nothing without a gate."""
-    scenario, errors = campaign.scenario, campaign.errors
-    if not has_gates(scenario):
-        return ()
-    requirements = requirements_from(campaign.requirements, [output.name for output in scenario.outputs])
-    return answer_gates(scenario.gate_laws(errors.mean, errors.covariance), scenario.gate_question, requirements)
-
-
-def _outages(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]]:
-    """Return the outages of aiding sensors by their names."""
-    if not is_ins(campaign.scenario):
-        return {}
-    return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
-
-
-def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
-    """Compute what `linear_covariance` does, without what the scenario notices of itself."""
-    scenario, errors = described.scenario, described.errors
-    names = tuple(source.name for source in scenario.sources)
-    with one_thread(), scenario_errors(described.file):
-        if times is not None:
-            _check_times(described, times)
-        _check_soundness(described)
-        linear, readings = _linearize(scenario)
-        model = Model.of(linear, errors.mean, errors.covariance, scenario.outputs)
-        moments = errors.mean, errors.covariance
-        history = None if readings is None else covariance_over_time(readings, names, *moments)
-        required = requirements_from(described.requirements, [output.name for output in scenario.outputs])
-        model = replace(model, limits=smallest_limits(required, len(scenario.outputs)))
-        smoothed = None
-        if scenario.parts.smoother:
-            smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
-        judged = tuple(
-            judge_linearly(
-                [each], model.outcome_mean, model.outcome_covariance, None if known is None else known.moments,
-                model.sizes, model.nominal, model.origin,
-            )[0]
-            for each in required
-            for known in [smoothed if each.of else history]
-        )  # fmt: skip
-        asked = None
-        if times is not None:
-            asked = covariance_over_time(_linear_at(described, np.unique(times)), names, *moments)
-        kind = str(described.resolved["scenario"]["type"])
-        answer = LinearAnswer(
-            described.name, scenario.sources, scenario.outputs, model, history, judged, asked, kind=kind
-        )
-        smoothed_asked = None
-        if scenario.parts.smoother and times is not None:
-            smoothed_asked = covariance_over_time(scenario.smoothed(np.unique(times)), names, *moments)
-        epochs = None if history is None else history.moments.times
-        known = [each for each in (history, asked) if each is not None]
-        asked_epochs = sorted({epoch for record in described.requirements for epoch in record.epochs or ()})
-        laws, rejections = rejections_of(scenario, described.errors, described.tolerance, asked_epochs)
-        filtered = _judge_filter(answer, known, scenario, described)
-        smoother = None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described)
-        return replace(
-            answer,
-            requirements=within_range(
-                with_rejections(judged, laws, rejections, model.outcome_mean), answer.beyond, epochs
-            ),
-            filter=_with_rejections(filtered, rejections),
-            smoothed=smoothed,
-            smoothed_asked=smoothed_asked,
-            smoother=_with_rejections(smoother, rejections),
-            rejections=rejections,
-        )
-
-
-def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer | None) -> LinearVerdict | None:
-    """Withhold that a filter is consistent where rejections of good measurements can break it."""
-    if verdict is None or rejections is None or rejections.consistent or verdict.verdict != Honesty.CONSISTENT:
-        return verdict
-    return replace(verdict, verdict=Honesty.UNDECIDED)
-
-
-def _judge_filter(
-    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, campaign: Campaign
-) -> LinearVerdict | None:
-    """Judge a filter, or a smoother, at the readings that are known, within the range of linear analysis."""
-    schema = scenario.filter_schema
-    if schema is None:
-        return None
-    return judge_filter(
-        [picked(each, ~answer.readings_beyond(each) & _stated(each)) for each in known],
-        [output.name for output in answer.outputs],
-        list(schema.groups),
-        [source.name for source in answer.sources],
-        campaign.errors.covariance,
-        campaign.tolerance,
-        [output.unit for output in answer.outputs],
-        answer.model.floor,
-        answer.model.scales,
-    )
-
-
-def _stated(covariance: LinearCovariance) -> NDArray[np.bool_]:
-    """Tell at which readings, shape (r,), the navigator states a covariance of anything."""
-    own = covariance.readings.own
-    if own is None:
-        return np.ones(len(covariance.readings.times), dtype=bool)
-    return np.asarray(np.isfinite(np.diagonal(own, axis1=1, axis2=2)).any(axis=1))
-
-
-def _check_times(campaign: Campaign, times: Array) -> None:
-    """Refuse times for a scenario whose linear system is not known at any time, and those outside of its epochs."""
-    scenario = campaign.scenario
-    if reason := reason_against(Question.ANY_TIME, scenario.parts):
-        raise CampaignError([Problem(campaign.file, "--at", reason)])
-    if not len(scenario.reading_times):
-        return
-    first, last = (float(time) for time in scenario.reading_times[[0, -1]])
-    outside = [float(time) for time in times if not first <= time <= last]
-    if outside:
-        message = f"got {outside[0]:.10g} s; navigation is from {first:.10g} s to {last:.10g} s"
-        raise CampaignError([Problem(campaign.file, "--at", message)])
-
-
-def _linear_at(campaign: Campaign, times: Array) -> LinearSystem:
-    """Linearize at times, rising, s; `CampaignError` outside of the flight."""
-    try:
-        return campaign.scenario.linear(times)
-    except ScenarioError as wrong:
-        raise CampaignError([Problem(campaign.file, f"--{wrong.key}", str(wrong))]) from None
-
-
-def _check_soundness(campaign: Campaign) -> None:
-    """Refuse a user's own scenario that has no linear model."""
-    if not is_users(campaign.scenario):
-        return
-    from mcnav.runner.draws import DrawPlan  # with a run's files, which other scenarios do not need
-    from mcnav.runner.soundness import find_doubt
-
-    draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)
-    if doubt is not None:
-        raise CampaignError([Problem(campaign.file, "scenario", str(doubt))])
-
-
-def _linearize(scenario: Scenario) -> tuple[LinearModel, LinearSystem | None]:
-    """Linearize a scenario at its end and, where it is known, over time: at the epochs of its requirements, if any."""
-    if scenario.parts.readings == "any time" and len(scenario.reading_times):
-        system = scenario.linear(scenario.reading_times)
-        return system.end, system
-    end = scenario.linear().end
-    if scenario.parts.readings == "end":
-        return end, None
-    system = scenario.linear_over_time()
-    schema, prediction = scenario.filter_schema, scenario.filter_prediction()
-    if schema is not None and prediction is not None and np.array_equal(prediction.times, system.times):
-        own, believed = prediction.covariance, dict(prediction.believed)
-        system = replace(system, own=own, own_outputs=schema.known, believed=believed)
-    return end, system
-
-
-def read_times(written: str) -> Array:
-    """Read times separated by commas, such as ``600 s, 25 min``; `CampaignError` when one is none."""
-    try:
-        return np.array([quantity(piece.strip(), "s") for piece in written.split(",")])
-    except UnitError as wrong:
-        raise CampaignError([Problem("--at", "", str(wrong))]) from None
 
 
 def write_lincov(
@@ -280,8 +48,6 @@ def write_lincov(
 
     ``all_remedies``: whether all that would help is computed where something fails, and not the first alone.
     """
-    from mcnav.studies.remedies import remedies_of_answer  # which asks for linear answers
-
     covariance = linear_covariance(campaign, times, examine)
     written = page_html(lincov_page(campaign, covariance, remedies_of_answer(campaign, covariance, all_remedies)))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
@@ -290,27 +56,11 @@ def write_lincov(
 
 def lincov_page(campaign: Campaign, answer: LinearAnswer, remedies: Remedies | None = None) -> Page:
     """Return the page on a campaign's linear covariance, with what its reader can change."""
-    return page(answer, _outages(campaign), _what_if(campaign, answer), remedies)
+    return page(answer, outages_of(campaign), _what_if(campaign, answer), remedies)
 
 
 def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
     return what_if_of_answer(as_read(answer), *changeable_content(campaign))
-
-
-def changeable_content(campaign: Campaign) -> tuple[Content, str]:
-    """Return the entries whose numbers can be changed, and where a file of them is to be saved.
-
-    They are those of the campaign's file, or of the campaign where these are others.
-    """
-    beside = f"beside {Path(campaign.file).name}"
-    try:
-        content = document_of(campaign).content
-    except CampaignError:  # it was read from no file
-        content = {}
-    names = OF_SIZES if campaign.tables else (*OF_SIZES, "errors")  # columns of tables have other paths there
-    if any(content.get(name) != campaign.resolved.get(name) for name in names):
-        return dict(campaign.resolved), "beside the files that it names"
-    return content, beside
 
 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:

@@ -20,7 +20,9 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.live import Setting, live_page, live_state
 from mcnav.store.run_files import REPORT
-from mcnav.studies.lincov import changeable_content, lincov_page, linear_covariance
+from mcnav.studies.changeable_content import changeable_content
+from mcnav.studies.lincov import lincov_page
+from mcnav.studies.linear_answers import linear_covariance
 from mcnav.studies.live_run import REFUSED, RunningCampaign, in_one_line
 from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
 

@@ -40,7 +40,7 @@ from mcnav.statistics.demonstration import runs_to_show
 from mcnav.store.run_files import CAMPAIGN
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.failing_campaign import Case, case_of_answer, case_of_run, document_and_place
-from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.remedy_changes import Change, changes_of_filter, changes_of_numbers, changes_of_sensors
 from mcnav.studies.simulated_campaigns import MOST_SAMPLES, simulated
 from mcnav.workflow.analyse import analyse, write_results

@@ -37,7 +37,7 @@ from mcnav.report.document.html import page_html
 from mcnav.report.pages import sweep as report
 from mcnav.report.pages.sweep_page import page
 from mcnav.studies.confirmation import check_count, choose_points, confirm
-from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
 from mcnav.workflow.rejections import doubt_about_gates
 

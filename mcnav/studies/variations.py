@@ -22,7 +22,7 @@ from mcnav.contract.linear import CovarianceReadings
 from mcnav.contract.scenario import CovarianceQuestion, knows_covariance
 from mcnav.errors import CampaignError
 from mcnav.execution.progress import Progress
-from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.lockstep import Unanswered, Values, in_lockstep
 
 Requirements = tuple[LinearRequirement, ...]

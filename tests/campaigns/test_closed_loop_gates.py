@@ -15,7 +15,8 @@ from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
-from mcnav.studies.lincov import lincov_table, linear_covariance
+from mcnav.studies.lincov import lincov_table
+from mcnav.studies.linear_answers import linear_covariance
 from mcnav.workflow.run import run_campaign
 from tests.closed_loops import FILE, tables
 

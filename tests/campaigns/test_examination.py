@@ -22,7 +22,8 @@ from mcnav.report.pages.lincov import statements
 from mcnav.sampler.distributions import Normal, Uniform
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.studies import examine
-from mcnav.studies.lincov import linear_covariance, write_lincov
+from mcnav.studies.lincov import write_lincov
+from mcnav.studies.linear_answers import linear_covariance
 from tests.commands import invoke
 
 ROOT = Path(__file__).parents[2]

@@ -22,7 +22,8 @@ from mcnav.report.pages.lincov_page import page
 from mcnav.report.statements.sweep import remarks
 from mcnav.runner.draws import DrawPlan
 from mcnav.studies.allocate import allocate
-from mcnav.studies.lincov import lincov_table, linear_covariance
+from mcnav.studies.lincov import lincov_table
+from mcnav.studies.linear_answers import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.what_if import what_if_of_run

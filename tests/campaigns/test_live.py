@@ -21,7 +21,7 @@ import pytest
 
 from mcnav.errors import CampaignError
 from mcnav.execution import interrupts
-from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.live import MOST, LiveCampaign
 from mcnav.studies.live_server import LARGEST, LiveServer, answer_requests
 from tests.commands import invoke

@@ -19,7 +19,8 @@ from mcnav.report.pages.lincov_page import reading_table
 from mcnav.runner.draws import DrawPlan
 from mcnav.statistics.order_statistics import RankedSizes
 from mcnav.store.run_folder import RunFolder
-from mcnav.studies.lincov import answer_linearly, lincov_table
+from mcnav.studies.lincov import lincov_table
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.sweep_points import campaign_requirements
 from mcnav.workflow.analyse import analyse
 from mcnav.workflow.index import write_index

@@ -16,7 +16,7 @@ from mcnav.analysis.improvements import improvements, largest_shares
 from mcnav.analysis.what_if import WhatIf
 from mcnav.config.documents import document_of
 from mcnav.config.read import parse_campaign, read_campaign
-from mcnav.studies.lincov import answer_linearly
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.workflow.what_if import what_if_of_answer
 from tests.conftest import ROOT, campaign
 
