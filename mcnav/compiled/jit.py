@@ -136,6 +136,11 @@ def allocation_free_loop(function: Function) -> Function:
     return _compile(function, fastmath={"contract"}, _nrt=False, **loop_options())
 
 
+def allocation_free_by_address(function: Function) -> Function:
+    """Compile a function that is `allocation_free`, to be called by its address: callers do not contain it."""
+    return _compile(function, fastmath={"contract"}, _nrt=False, no_cpython_wrapper=True)
+
+
 def _compile_part(function: Function, **options: Any) -> Function:
     """Compile a function without an entry for Python and machine code of its own."""
     part = _compile(function, stored=False, **options, **part_options())

@@ -13,12 +13,16 @@ from importlib import import_module
 from typing import Any, Final
 
 import numba
+from numba import types
+from numba.core.cgutils import unpack_tuple
+from numba.extending import intrinsic
 
 NUMBERS: Final = "numbers"
 CALLS: Final = "calls"
 PARTS: Final = "parts"
 STORED: Final = "stored"
 LITERALS: Final = "literals"
+ADDRESSES: Final = "addresses"
 
 PRIVATE: Final[Mapping[str, tuple[str, ...]]] = {
     NUMBERS: ("numba.core.bytecode.FunctionIdentity._unique_ids",),
@@ -46,6 +50,11 @@ PRIVATE: Final[Mapping[str, tuple[str, ...]]] = {
         "numba.core.serialize.dumps",
     ),
     LITERALS: ("numba.core.dispatcher.Dispatcher.get_call_template", "numba.core.types.unliteral"),
+    ADDRESSES: (
+        "numba.core.callconv.CPUCallConv.call_function",
+        "numba.core.callconv.CPUCallConv.get_function_type",
+        "numba.core.codegen.JITCodeLibrary.get_pointer_to_function",
+    ),
 }
 """Names by what they serve."""
 
@@ -238,3 +247,31 @@ def write_code(compiled: Any) -> bytes | None:
 def read_code(context: Any, content: Any) -> Any:
     """Return the compiled function of what `write_code` has written, unpickled."""
     return find_name("numba.core.compiler.CompileResult")._rebuild(context, *content)
+
+
+def address_of(dispatcher: Any, arguments: tuple[Any, ...]) -> int:
+    """Return the address in this process of a function's machine code for types of arguments."""
+    dispatcher.compile(arguments)
+    compiled = dispatcher.overloads[arguments]
+    address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+    return address
+
+
+def call_by_address(arguments: tuple[Any, ...]) -> Any:
+    """Return a compiled function of an address and arguments of these types, which calls what is there.
+
+    It returns what has the type of the first argument. What is called must have been compiled for these types, and
+    raises nothing.
+    """
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def call(_: Any, address: Any, *given: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            convention, returned = context.call_conv, arguments[0]
+            function = convention.get_function_type(returned, arguments).as_pointer()
+            pointer, taken = builder.inttoptr(values[0], function), unpack_tuple(builder, values[1])
+            return convention.call_function(builder, pointer, returned, arguments, taken)[1]
+
+        return arguments[0](address, types.StarArgTuple(arguments)), generate
+
+    return call

@@ -16,6 +16,7 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -47,6 +48,13 @@ UNCOMPILED: Final = {"tables", "recorded"}
 """Folders in them of which it contains nothing: campaign files, recordings."""
 
 
+def _is_of_a_sensor(file: Path) -> bool:
+    """Return whether a file defines a quantity or a type of sensor, whose innovation is compiled by itself."""
+    return (
+        file.parent.name == "sensors" and re.search(rb"^(QUANTITY|SENSOR): Final", file.read_bytes(), re.M) is not None
+    )
+
+
 @cache
 def sources_digest() -> str:
     """Digest what the files compute whose constants and functions compiled code may contain.
@@ -55,9 +63,7 @@ def sources_digest() -> str:
     which it is valid.
     """
     package = Path(__file__).parents[1]
-    files = sorted(
-        file for room in ROOMS for file in (package / room).rglob("*.py") if not UNCOMPILED.intersection(file.parts)
-    )
+    files = sorted(file for room in ROOMS for file in (package / room).rglob("*.py") if _is_in_a_room(file))
     files += [package / name for name in FILES]
     contents = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     folder = place_for(Path(__file__))
@@ -132,7 +138,8 @@ def _digest_of_file(file: Path) -> str:
 def _is_in_a_room(file: Path) -> bool:
     """Return whether a file is one of those of `sources_digest`."""
     package = Path(__file__).parents[1]
-    return any(package / room in file.parents for room in ROOMS) and not UNCOMPILED.intersection(file.parts)
+    within = any(package / room in file.parents for room in ROOMS) and not UNCOMPILED.intersection(file.parts)
+    return within and not _is_of_a_sensor(file)
 
 
 class CodeFiles:

@@ -210,7 +210,7 @@ def fit(record: Record) -> AxisFit:
 def _best(model: Model, bands: Bands) -> Maximum:
     """Find the largest of the maxima that several starts lead to."""
     maxima = (maximize(model, bands, start, converged=ROUGHLY) for start in _starts(model, bands))
-    return min(maxima, key=lambda each: each.deviance)
+    return min(maxima, key=lambda maximum: maximum.deviance)
 
 
 def _starts(model: Model, bands: Bands) -> list[Array]:

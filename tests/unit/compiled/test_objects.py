@@ -21,6 +21,8 @@ from numba.core.dispatcher import Dispatcher
 
 from mcnav.compiled import objects
 from mcnav.compiled.target import LEVELS, choose_objects, highest_level, target
+from mcnav.systems.ins.ensemble.innovations import _compiled
+from mcnav.systems.ins.sensors.registry import FILES, KINDS
 from tests.conftest import ROOT
 from tests.processes import run_to_end
 
@@ -69,13 +71,16 @@ def test_the_folder_is_another_where_anything_differs(
 
 
 PACKAGE = ROOT / "mcnav"
+SENSORS = Path("systems/ins/sensors")
 
 
 def digested(file: Path) -> bool:
     """Whether the content of a file is part of the digest of all sources."""
     place = file.relative_to(PACKAGE)
     within = any(Path(room) in place.parents for room in objects.ROOMS)
-    return str(place) in objects.FILES or (within and not objects.UNCOMPILED.intersection(place.parts))
+    of_a_sensor = place.parent == SENSORS and place.stem in FILES
+    within = within and not of_a_sensor and not objects.UNCOMPILED.intersection(place.parts)
+    return str(place) in objects.FILES or within
 
 
 def names_in(code: CodeType) -> Iterator[str]:
@@ -112,17 +117,28 @@ def test_compiled_functions_name_nothing_of_files_that_are_not_digested() -> Non
 
 
 def test_a_word_of_a_sensor_s_docstring_compiles_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """And another sign of its innovation does."""
+    """And another sign of its innovation compiles it alone: all else is valid for what it was."""
     shutil.copytree(PACKAGE, tmp_path / "mcnav", ignore=shutil.ignore_patterns("__pycache__", "docs", "*.npz"))
-    sensor = tmp_path / "mcnav" / "systems" / "ins" / "sensors" / "position.py"
+    sensor = tmp_path / "mcnav" / SENSORS / "position.py"
     text = sensor.read_text(encoding="utf-8")
     monkeypatch.setattr(objects, "__file__", str(tmp_path / "mcnav" / "compiled" / "objects.py"))
-    digests = []
+    of_all, of_sensor = [], []
     for old, new in (("", ""), ("Add ``d . x``", "Add\n    ``d . x``"), ("value += dx * lx", "value -= dx * lx")):
         assert old in text
         sensor.write_text(text.replace(old, new, 1), encoding="utf-8")
-        digests.append(objects.sources_digest.__wrapped__())
-    assert digests[0] == digests[1] != digests[2]
+        of_all.append(objects.sources_digest.__wrapped__())
+        of_sensor.append(objects._digest_of_file.__wrapped__(sensor))
+    assert len(set(of_all)) == 1
+    assert of_sensor[0] == of_sensor[1] != of_sensor[2]
+
+
+def test_an_innovation_is_not_valid_for_another_text_of_its_file() -> None:
+    """The stamp of its stored code has the file's digest besides that of all sources."""
+    innovation = _compiled(KINDS["position"])
+    assert isinstance(innovation, Dispatcher)
+    file = Path(innovation.py_func.__code__.co_filename)
+    stamp = innovation._cache._files(file.parent, ("needs",))._stamp
+    assert stamp == ("needs", objects._digest_of_file(file))
 
 
 CODE = """

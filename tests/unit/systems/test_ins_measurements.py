@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from mcnav.arrays.types import Array
-from mcnav.compiled.vectors import LANES, room
+from mcnav.compiled.vectors import LANES, load, room, store
 from mcnav.systems.ins.ensemble.filters import SIX, filter_updates
+from mcnav.systems.ins.ensemble.innovations import INNOVATION, INNOVATIONS, places_of
 from mcnav.systems.ins.ensemble.steps import deviations_of
 from mcnav.systems.ins.ensemble.updates import RateTables, UpdateTables, along_truth, estimates_of, innovate
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
+from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, choose_by_kind
 from mcnav.systems.ins.sensors.measurements import Measurements, measure
 from mcnav.systems.ins.sensors.registry import KINDS
 from tests.aided import make_sensor
@@ -37,7 +40,7 @@ def update_tables(found: Measurements) -> UpdateTables:
     no_rates, no_numbers = np.zeros((updates, 3, 0)), np.zeros(0, dtype=np.int64)
     never = np.zeros(updates, dtype=np.bool_)
     return UpdateTables(
-        found.sensors, found.sizes, found.components, found.kinds, found.directions, found.parameters,
+        found.sensors, found.sizes, found.components, places_of(found), found.directions, found.parameters,
         found.constants[:, :, :0], found.rows, found.places, whole, none, none, none, np.zeros(updates),
         np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
         np.zeros((updates, 9, most)), never,
@@ -62,6 +65,42 @@ def innovations_and_rows(found: Measurements, turn: Array, velocity: Array, away
         values.append(own.innovation[:m, 0])
         responses.append(rows[:m, :, 0])
     return np.concatenate(values), np.concatenate(responses)
+
+
+CHOSEN = choose_by_kind(INNOVATIONS)
+
+
+@numba.njit(error_model="numpy", fastmath={"contract"})
+def both_ways(
+    found: tuple[Array, Array, Array], tables: MeasurementTables, moved: Array, rooms: tuple[Array, Array, Array],
+    out: Array,
+) -> None:  # fmt: skip
+    """Compute innovations by their addresses, and by their kinds as where numba has no addresses."""
+    places, kinds, sizes = found
+    turn, turned, three = rooms
+    x, y, z, vx, vy, vz = load(moved, 0), load(moved, 1), load(moved, 2), load(moved, 3), load(moved, 4), load(moved, 5)
+    errors, rows, number = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, three, three, three), out[:0], 0
+    for u in range(len(sizes)):
+        for c in range(sizes[u]):
+            store(out, (number, 0), INNOVATION(places[u, c], x, u, c, tables, errors, rows, False))
+            store(out, (number, 1), CHOSEN(kinds[u, c], x, u, c, tables, errors, rows, False))
+            number += 1
+
+
+def test_innovations_called_by_address_have_the_bits_of_those_chosen_by_kind() -> None:
+    found = tabulated()
+    tables = MeasurementTables(
+        found.directions, found.parameters, found.places, found.levers, found.swinging, flight(1.0).earth.constants
+    )
+    random = np.random.default_rng(5)
+    turn, turned, three, moved, out = room(4), room(9), room(3), room(6), room(int(found.sizes.sum()), 2)
+    rotations = Rotation.from_rotvec(0.01 * random.standard_normal((LANES, 3)))
+    turn[:] = np.roll(rotations.as_quat(), 1, axis=1).T
+    turned[:] = (rotations.as_matrix() - np.eye(3)).reshape(LANES, 9).T
+    moved[:], three[:] = random.standard_normal((6, LANES)), random.standard_normal((3, LANES))
+    both_ways((places_of(found), found.kinds, found.sizes), tables, moved, (turn, turned, three), out)
+    assert np.isfinite(out).all()
+    np.testing.assert_array_equal(out[:, 0], out[:, 1])
 
 
 def test_responses_are_those_along_the_truth_where_they_do_not_depend_on_the_attitude() -> None:

@@ -43,6 +43,7 @@ from mcnav.systems.ins.ensemble.filters import (
 from mcnav.systems.ins.ensemble.flexures import SensorFlexure, draw_flexures, sensor_flexures
 from mcnav.systems.ins.ensemble.free import EnsembleTables
 from mcnav.systems.ins.ensemble.gains import SharedGains
+from mcnav.systems.ins.ensemble.innovations import places_of
 from mcnav.systems.ins.ensemble.lateness import draw_jitters, late_errors
 from mcnav.systems.ins.ensemble.normalization import share_covariances
 from mcnav.systems.ins.ensemble.propagation import propagate_covariances
@@ -276,8 +277,8 @@ class AidedTables:
         active, instruments : ndarray of int
             Numbers of the constant errors of the sensors, and of the instruments, that are not zero.
         """
-        swings = self._once("swings", instruments, self._swings)
-        return self._once("updates", active, self._updates)._replace(swings=swings)
+        swings, measured = self._once("swings", instruments, self._swings), self.loop.measurements
+        return self._once("updates", active, self._updates)._replace(swings=swings, innovations=places_of(measured))
 
     def _swings(self, active: IndexArray) -> RateTables:
         measured, of_states = self.loop.measurements, self.loop.filter.rate_errors

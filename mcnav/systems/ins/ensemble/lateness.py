@@ -17,8 +17,8 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part
 from mcnav.compiled.vectors import LANES, load, room, store
 from mcnav.systems.ins.earth import Earth, local_axes
+from mcnav.systems.ins.ensemble.innovations import INNOVATION, places_of
 from mcnav.systems.ins.ensemble.steps import turn_less_one
-from mcnav.systems.ins.ensemble.updates import INNOVATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.comparison import Reference
@@ -81,7 +81,7 @@ def late_errors(loop: ClosedLoop, delays: Array) -> Array:
             late = _LateTruth.of(loop, chosen, delays[:, chosen])
             for reference, of_instruments, columns in _measured_alike(sensor):
                 deviations = late.deviations(reference, of_instruments, sensor.lever_arm)
-                _measure(measured.kinds, chosen, columns, _tables(loop), deviations, _rooms(), errors)
+                _measure(places_of(measured), chosen, columns, _tables(loop), deviations, _rooms(), errors)
     return np.where(delays[:, :, None] == 0.0, 0.0, errors)
 
 
@@ -207,19 +207,19 @@ def _rooms() -> _Rooms:
 
 
 @allocation_free_part
-def _innovate(kind: int, u: int, c: int, tables: MeasurementTables, lanes: _Rooms) -> None:
+def _innovate(innovation: int, u: int, c: int, tables: MeasurementTables, lanes: _Rooms) -> None:
     """Compute what component c of update u measures late, and leave it in the room of the first row."""
     x, y, z = load(lanes.moved, 3), load(lanes.moved, 4), load(lanes.moved, 5)
     vx, vy, vz = load(lanes.moved, 0), load(lanes.moved, 1), load(lanes.moved, 2)
     errors = NavigatorErrors(
         x, y, z, vx, vy, vz, lanes.turn, lanes.turned, lanes.rotation, lanes.swing, lanes.swing
     )  # fmt: skip
-    store(lanes.turn, 0, INNOVATION(kind, 0.0 * x, u, c, tables, errors, lanes.rows, False))
+    store(lanes.turn, 0, INNOVATION(innovation, 0.0 * x, u, c, tables, errors, lanes.rows, False))
 
 
 @allocation_free_loop
 def _measure(
-    kinds: IndexArray, updates: IndexArray, columns: IndexArray, tables: MeasurementTables, late: _Deviations,
+    innovations: IndexArray, updates: IndexArray, columns: IndexArray, tables: MeasurementTables, late: _Deviations,
     lanes: _Rooms, out: Array,
 ) -> None:  # fmt: skip
     """Measure components of updates by late samples, LANES at a time: errors, shape (n, U, M)."""
@@ -238,6 +238,6 @@ def _measure(
                         lanes.moved[3 + j, i] = late.position[n, r, j]
                         lanes.swing[j, i] = late.swing[n, r, j]
                 turn_less_one(lanes.turn, lanes.turned)
-                _innovate(kinds[u, c], u, c, tables, lanes)
+                _innovate(innovations[u, c], u, c, tables, lanes)
                 for i in range(size):
                     out[begin + i, u, c] = lanes.turn[0, i]

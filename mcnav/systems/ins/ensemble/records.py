@@ -27,7 +27,7 @@ from mcnav.systems.ins.ensemble.readout import LOCAL, TrueStates, copy_linear, c
 from mcnav.systems.ins.ensemble.steps import Deviations
 from mcnav.systems.ins.ensemble.updates import Estimates
 from mcnav.systems.ins.filter.consistency import COUNTS
-from mcnav.systems.ins.sensors.attitude import rotation_vectors
+from mcnav.systems.ins.sensors.innovation import rotation_vectors
 
 COVARIANCE: Final = 45
 """Numbers of the lower triangle of the outputs' covariance."""

@@ -30,7 +30,7 @@ from mcnav.systems.ins.ensemble.readout import LOCAL, TrueStates, copy_rows, rea
 from mcnav.systems.ins.ensemble.updates import turn_back
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
-from mcnav.systems.ins.sensors.attitude import rotation_vectors
+from mcnav.systems.ins.sensors.innovation import rotation_vectors
 
 GROUPS: Final = {"navigation": slice(0, 9), "position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
 """Outputs whose normalized errors are recorded, by group."""

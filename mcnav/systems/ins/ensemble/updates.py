@@ -13,14 +13,12 @@ from mcnav.compiled.jit import allocation_free_part, inlined
 from mcnav.compiled.lanes import half_turn_of_square
 from mcnav.compiled.vectors import Rooms, Vector, load, room, store, where
 from mcnav.systems.ins.ensemble.filters import SIX, FilterUpdates, room_for
+from mcnav.systems.ins.ensemble.innovations import INNOVATION
 from mcnav.systems.ins.ensemble.steps import Deviations, turn_less_one
 from mcnav.systems.ins.filter.consistency import COUNTS
-from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, choose_by_kind
+from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors
 from mcnav.systems.ins.sensors.measurements import Measurements
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
-
-INNOVATION: Final = choose_by_kind([quantity.innovation for quantity in QUANTITIES.values()])
-"""The innovation of a component by its kind."""
 
 LARGEST_CORRECTION: Final = 3.0
 """Largest rotation by a correction, rad: beyond it a sample leaves the engine's validity."""
@@ -31,6 +29,8 @@ class UpdateTables(NamedTuple):
 
     Attributes
     ----------
+    innovations : ndarray of int, shape (U, M)
+        As `mcnav.systems.ins.ensemble.innovations.places_of` returns them.
     constant_rows : ndarray, shape (U, M, a)
         Responses to the constant errors of the sensors that are not zero.
     adjoint : ndarray, shape (U, 9, M)
@@ -51,7 +51,7 @@ class UpdateTables(NamedTuple):
     sensors: IndexArray
     sizes: IndexArray
     components: IndexArray
-    kinds: IndexArray
+    innovations: IndexArray
     directions: Array
     parameters: Array
     constant_rows: Array
@@ -295,7 +295,7 @@ def innovate(
     )
     errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected)
     for c in range(m):
-        value = INNOVATION(tables.kinds[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
+        value = INNOVATION(tables.innovations[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
         store(own.innovation, c, value)

@@ -10,13 +10,18 @@ from typing import Final
 import numpy as np
 
 from mcnav.arrays.types import Array
-from mcnav.compiled.jit import allocation_free_part, uncontracted_subroutine
-from mcnav.compiled.lanes import angle_of_half
-from mcnav.compiled.vectors import Vector, load, store, where
+from mcnav.compiled.jit import allocation_free_part
+from mcnav.compiled.vectors import Vector, load
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.reference.axes import ATTITUDE
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
-from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, change_by_turn, store_three
+from mcnav.systems.ins.sensors.innovation import (
+    MeasurementTables,
+    NavigatorErrors,
+    change_by_turn,
+    rotation_vectors,
+    store_three,
+)
 from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 
@@ -26,19 +31,6 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
     direction = along.instruments[:, :, axis]
     of_angles = np.einsum("nj,nji->ni", direction, along.body)
     return Geometry(direction, psi=direction, flexure=np.concatenate([of_angles, np.zeros_like(of_angles)], axis=1))
-
-
-@uncontracted_subroutine
-def rotation_vectors(turn: Array, out: Array) -> None:
-    """Compute the rotation vectors, shape (3, LANES), of quaternions."""
-    w, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
-    sine = np.sqrt(b * b + c * c + e * e)
-    further = np.abs(w) + np.sqrt(w * w + sine * sine)  # the tangent of a quarter of the angle is sine / further
-    factor = where(sine > 0.0, 2.0 * angle_of_half(sine / further) / sine, 2.0)
-    factor = where(w < 0.0, -factor, factor)
-    store(out, 0, factor * b)
-    store(out, 1, factor * c)
-    store(out, 2, factor * e)
 
 
 @allocation_free_part

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
-from mcnav.compiled.jit import allocation_free_part, inlined
-from mcnav.compiled.vectors import Vector, load, store
+from mcnav.compiled.jit import allocation_free_part, inlined, uncontracted_subroutine
+from mcnav.compiled.lanes import angle_of_half
+from mcnav.compiled.vectors import Vector, load, store, where
 
 Innovation: TypeAlias = Callable[..., Vector]
 """Compiled function of a quantity; `mcnav.systems.ins.sensors.quantity.QuantityDefinition` describes it."""
@@ -94,6 +95,19 @@ def store_three(out: Array, c: int, at: int, x: Vector, y: Vector, z: Vector) ->
     store(out, (c, at), x)
     store(out, (c, at + 1), y)
     store(out, (c, at + 2), z)
+
+
+@uncontracted_subroutine
+def rotation_vectors(turn: Array, out: Array) -> None:
+    """Compute the rotation vectors, shape (3, LANES), of quaternions."""
+    w, b, c, e = load(turn, 0), load(turn, 1), load(turn, 2), load(turn, 3)
+    sine = np.sqrt(b * b + c * c + e * e)
+    further = np.abs(w) + np.sqrt(w * w + sine * sine)  # the tangent of a quarter of the angle is sine / further
+    factor = where(sine > 0.0, 2.0 * angle_of_half(sine / further) / sine, 2.0)
+    factor = where(w < 0.0, -factor, factor)
+    store(out, 0, factor * b)
+    store(out, 1, factor * c)
+    store(out, 2, factor * e)
 
 
 @allocation_free_part
