@@ -63,7 +63,7 @@ class Problem:
 
     def __str__(self) -> str:
         parts = (self.file, LONGEST), (self.key, LONGEST), (self.message, LONGEST_MESSAGE)
-        return ": ".join(printable(part, most) for part, most in parts if part)
+        return ": ".join(printable(text, most) for text, most in parts if text)
 
 
 class CampaignError(Exception):
@@ -168,11 +168,11 @@ def near_names(name: str, known: Sequence[str]) -> list[str]:
     """
     if not 0 < len(name) <= LONGEST_NAME:
         return []
-    folded = {each.casefold(): each for each in reversed(known)}
-    containing = [each for each in known if len(name) >= SHORTEST_PART and name.casefold() in each.casefold()]
+    folded = {word.casefold(): word for word in reversed(known)}
+    containing = [word for word in known if len(name) >= SHORTEST_PART and name.casefold() in word.casefold()]
 
     def closest(cutoff: float) -> list[str]:
-        return [folded[each] for each in difflib.get_close_matches(name.casefold(), list(folded), 1, cutoff)]
+        return [folded[match] for match in difflib.get_close_matches(name.casefold(), list(folded), 1, cutoff)]
 
     few = containing if len(containing) <= MOST_NEAR else []
     return closest(VERY_CLOSE) or few or closest(CLOSE) or containing[:MOST_NEAR]
@@ -193,7 +193,7 @@ def suggestion(name: str, known: Sequence[str]) -> str:
     >>> suggestion("altitud", ["altitude", "range"])
     "; did you mean 'altitude'? It is one of altitude, range"
     """
-    known = [each for each in known if each.strip()]
+    known = [word for word in known if word.strip()]
     if not known:
         return ""
     listed = ", ".join(known[:MOST_NAMES])

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.commands import invoke
+from tests.sentences import printed_sentences
 
 INTEGRATED = 1e-10
 """Share of a number that its integration may miss: ten times the coarsest tolerance of all truths."""
@@ -119,7 +120,7 @@ class Session:
             (self.place / named[1]).write_text(block.text, encoding="utf-8")
 
     def run(self, command: str, shown: str | None) -> None:
-        """Run a command of mcnav; the files that it says it has written must exist.
+        """Run a command of mcnav; the files that it says it has written must exist, and its sentences be short.
 
         An exit status other than 0 is shown as ``exit status N``, the last line.
         """
@@ -128,6 +129,8 @@ class Session:
         finished = invoke(*arguments, cwd=self.place, columns=160)
         self.done += 1
         output = finished.stdout + finished.stderr
+        if "--format" not in arguments:
+            assert printed_sentences(finished.stdout) == [], command
         output += f"exit status {finished.returncode}\n" if finished.returncode else ""
         for written in re.findall(r"^(?:written|report|summary): (.*)$", finished.stdout, re.MULTILINE):
             assert (self.place / written).exists(), f"{command}: {written}"

@@ -121,3 +121,19 @@ def too_long(text: str) -> list[str]:
     """
     sentences = re.split(r"(?<=[.!?])\s+|\n\s*\n", text)
     return [sentence for sentence in sentences if sum(bool(re.search(r"\w", word)) for word in sentence.split()) > MOST]
+
+
+TABULAR: Final = re.compile(r"\S {2,}\S|^\s*[\w.]+ = |^\[|^#|^(written|next|note): ")
+"""Lines of a terminal that are no prose: rows of tables, lines of TOML, comments, files and commands."""
+
+
+def printed_sentences(output: str) -> list[str]:
+    r"""Return the sentences of a terminal's output that are too long; tables, TOML and commands aside.
+
+    >>> printed_sentences("sigma  " + 30 * "word " + "\nAll is well.\n")
+    []
+    >>> len(printed_sentences(26 * "word " + ".\n"))
+    1
+    """
+    prose = [line for line in output.splitlines() if line.strip() and not TABULAR.search(line)]
+    return [sentence for line in prose for sentence in too_long(line)]

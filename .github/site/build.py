@@ -47,8 +47,8 @@ CONTENTS: Final = {
     "Tutorials": ("guide", "gallery", *(page for page in PAGES if page.startswith("tutorial-"))),
     "How to": ("questions", *(page for page in PAGES if page.startswith("howto-")), "scaling"),
     "Explanation": (
-        "method", "rare-events", "theory", "report", "glossary", "notation", "tn-d1772", "story", "textbook", "ukfm",
-        "other-tools",
+        "method", "examination", "rare-events", "theory", "report", "glossary", "notation", "tn-d1772", "story",
+        "textbook", "ukfm", "other-tools",
     ),
     "Reference": (
         "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",

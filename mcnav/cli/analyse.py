@@ -342,6 +342,9 @@ def identify(
     folder: Annotated[
         Path | None, typer.Option("--out", "-o", help="Also write a page, identify.json and imu.toml into a folder.")
     ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Print intervals, tests, grades and the table [imu] as well.")
+    ] = False,
     form: FormatOption = "table",
 ) -> None:
     """Identify the noise of an inertial unit from logs at rest.
@@ -360,7 +363,7 @@ def identify(
     units = columns_of(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
     report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
     if form == "table":
-        out.print(printed(terminal(report)))
+        out.print(printed(terminal(report, full)))
     else:
         print_rows(form, [vars(row) for row in report.parameters], identification_table(report))
     if folder is not None:

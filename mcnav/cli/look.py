@@ -120,19 +120,31 @@ def export(
         list[str] | None, typer.Option(metavar="TITLE", help="Of --figure: only this panel, such as altitude; repeat.")
     ] = None,
     columns: Annotated[int | None, typer.Option(min=1, max=10, help="Of --figure: panels side by side.")] = None,
+    flight: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write only the flight with its covariance, as .czml or .mcap."),
+    ] = None,
 ) -> None:
-    """Write all tables of a run as CSV, or a figure for a paper.
+    """Write all tables of a run as CSV, a figure for a paper, or the flight for a viewer.
 
     The tables come with the matrices for numpy and MATLAB. With --figure, one figure is drawn at the size that a paper
-    needs.
+    needs. With --flight, true and navigated positions and their covariance are written for Cesium (.czml) or for
+    Foxglove and PlotJuggler (.mcap).
 
     Example: mcnav export reports/mine --figure scatter --size 88x60mm --out scatter.pdf
     """
     if figure is not None:
         _draw(folder, figure, into or Path(), PaperSize(size, width, font_scale, columns), panel or ())
         return
-    from mcnav.workflow.export import default_folder, export_run
+    from mcnav.report.exports.viewers import WRITERS
+    from mcnav.workflow.export import default_folder, export_flight, export_run
 
+    if flight is not None:
+        try:
+            print_written([export_flight(folder, output_file(flight, "flight.mcap", tuple(WRITERS)))])
+        except ImportError as missing:
+            raise failure(str(missing)) from None
+        return
     print_written(export_run(folder, output_folder(into, default_folder(folder)), units))
     print_next(next_command.written("docs", "howto-export"))
 
@@ -174,8 +186,8 @@ def brief(
 ) -> None:
     """Write a run on one slide and one sheet for a review board.
 
-    A page and two PDF files: requirements with margin and confidence first, the worst case, causes, and what would help
-    where something fails, the best of it simulated.
+    A page and two PDF files: requirements with margin and confidence first, then the worst case and causes. Where
+    something fails they say what would help, the best of it simulated.
 
     Example: mcnav brief reports/mine
     """

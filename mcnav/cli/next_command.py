@@ -51,7 +51,7 @@ def after_run(campaign: Path, folder: Path, summary: Summary, reported: bool, op
         return written("allocate", campaign)
     needed = [entry.samples_needed for entry in summary.requirements if entry.finding == "undecided"]
     if "undecided" in findings and all(needed):
-        most = max(each for each in needed if each is not None)
+        most = max(count for count in needed if count is not None)
         return written(
             "run",
             campaign,

@@ -106,7 +106,7 @@ def engines(incomplete: str) -> list[str]:
         file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parents[1].glob("systems/*/*scenario.py"))
     )
     listed = [names for text in texts for defined in ENGINES.findall(text) for names in TUPLE.findall(defined)]
-    names = [name.strip('" ') for each in listed for name in each.split(",") if name]
+    names = [name.strip('" ') for line in listed for name in line.split(",") if name]
     return _beginning(dict.fromkeys((*names, MAP)), incomplete)
 
 
@@ -214,7 +214,7 @@ def _is_campaign(path: Path) -> bool:
 def _campaign(words: Words) -> Content:
     """Read the campaign file named before; nothing when it cannot be read."""
     named = (words.params.get("campaign"), *(word for word in words.args if word.endswith(".toml")))
-    path = next((each for each in named if each), None)
+    path = next((campaign for campaign in named if campaign), None)
     try:
         return tomllib.loads(_text(Path(path), LARGEST)) if path else {}
     except (tomllib.TOMLDecodeError, RecursionError):
@@ -240,9 +240,9 @@ def _paths(table: Mapping[str, Any], above: str) -> Iterator[str]:
         path = f"{above}{key}"
         if isinstance(value, dict):
             yield from _paths(value, f"{path}.")
-        elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
-            for number, each in enumerate(value, start=1):
-                yield from _paths(each, f"{path}.{_sensor_name(each, number)}.")
+        elif isinstance(value, list) and value and all(isinstance(entry, dict) for entry in value):
+            for number, entry in enumerate(value, start=1):
+                yield from _paths(entry, f"{path}.{_sensor_name(entry, number)}.")
         elif not isinstance(value, (list, bool)) and key not in ("name", "type", "grade"):
             yield path
 
@@ -258,7 +258,7 @@ def _varied_by_words(content: Content) -> Iterator[str]:
             yield path
             outages = sensor.get("outages")
             for number in range(1, (len(outages) if isinstance(outages, list) else 0) + 1):
-                yield from (f"{path}.outages.{number}.{part}" for part in ("length", "begin"))
+                yield from (f"{path}.outages.{number}.{place}" for place in ("length", "begin"))
     for key in ("estimates", "considers"):
         states = settings.get(key) if isinstance(settings, dict) else None
         yield from (f"filter.{key}.{state}" for state in (states if isinstance(states, list) else ()))

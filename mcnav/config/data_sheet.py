@@ -290,6 +290,6 @@ def largest_size(entry: Any, instrument: str, key: str) -> float | None:
     if unit is None:
         return None
     try:
-        return max(abs(quantity(each, unit, key == "misalignment")) for each in parts)
+        return max(abs(quantity(component, unit, key == "misalignment")) for component in parts)
     except UnitError:
         return None

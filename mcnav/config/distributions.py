@@ -194,7 +194,7 @@ class ScipyTable(ScipyParameters, Family, extra="allow"):
         """Return the table of one distribution; see `Family`."""
         name, known = text.removeprefix(SCIPY), continuous_distributions()
         if name not in known:
-            close = suggestion(text, [f"{SCIPY}{each}" for each in known])
+            close = suggestion(text, [f"{SCIPY}{name}" for name in known])
             meant = f"{close.partition('?')[0]}?" if "did you mean" in close else ""
             message = f"got {text!r}; scipy.stats has no continuous distribution of that name{meant}"
             raise refuse([Mistake(message, (KIND,))])

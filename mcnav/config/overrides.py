@@ -158,13 +158,13 @@ def _set_presence(table: Content, names: list[str], present: bool, above: tuple[
             taken = _sensor_name(inside.pop(place))
             if not inside:
                 del table["aiding"]
-            faults = [each for each in table.get("faults", []) if each.get("sensor") != taken]
+            faults = [fault for fault in table.get("faults", []) if fault.get("sensor") != taken]
             table.pop("faults", None)
             table.update({"faults": faults} if faults else {})
-            _forget_sensor(table.get("filter", {}), taken, [_sensor_name(each) for each in inside])
+            _forget_sensor(table.get("filter", {}), taken, [_sensor_name(entry) for entry in inside])
         return True
     if above == ("filter",) and len(names) == 2 and isinstance(inside, list):
-        kept = [each for each in inside if each != names[1]]
+        kept = [entry for entry in inside if entry != names[1]]
         table[names[0]] = inside if present and names[1] in inside else [*kept, names[1]] if present else kept
         return True
     return False
@@ -192,11 +192,11 @@ def _set_outage(outage: list[Any], name: str, value: Value) -> bool:
     if name not in ("length", "begin") or len(outage) != 2:
         return False
     try:
-        begin, end, given = (quantity(each, "s") for each in (*outage, value))
+        begin, end, given = (quantity(time, "s") for time in (*outage, value))
     except UnitError as wrong:
         raise _Mistake(str(wrong)) from None
     moved = (begin, begin + given) if name == "length" else (given, given + end - begin)
-    outage[:] = [f"{each!r} s" for each in moved]
+    outage[:] = [f"{time!r} s" for time in moved]
     return True
 
 
@@ -290,4 +290,4 @@ def _with_part(present: object, name: str, value: Value) -> Value:
         return {axis: value if axis == name else present for axis in axes}
     if len(present) != len(axes):
         raise _Mistake(f"the list has {len(present)} entries; expected {len(axes)}, for {', '.join(axes)}")
-    return [value if axis == name else each for axis, each in zip(axes, present, strict=True)]
+    return [value if axis == name else component for axis, component in zip(axes, present, strict=True)]

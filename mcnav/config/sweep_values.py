@@ -98,10 +98,10 @@ def _text(value: object) -> str:
 def split_varied(written: Sequence[str]) -> dict[str, str]:
     """Split ``KEY=VALUES``; `CampaignError` when one has no key, or a key comes twice."""
     varied: dict[str, str] = {}
-    for each in written:
-        path, equals, values = each.partition("=")
+    for word in written:
+        path, equals, values = word.partition("=")
         if not equals or not path.strip():
-            message = f'got {each!r}; expected KEY=VALUES such as imu.gyro.bias="0.001..1 deg/h"'
+            message = f'got {word!r}; expected KEY=VALUES such as imu.gyro.bias="0.001..1 deg/h"'
             raise CampaignError([Problem("--vary", "", message)])
         if path.strip() in varied:
             raise CampaignError([Problem("--vary", path.strip(), "is given twice; keep one")])

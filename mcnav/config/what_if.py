@@ -91,7 +91,7 @@ def _type_of(content: Mapping[str, Any]) -> str:
 def unsized_causes(campaign: ChangeableCampaign, sources: Sequence[Source], covariance: Array) -> list[str]:
     """List the causes that no number sizes, by name."""
     apart = (np.diag(covariance) > 0.0) & (campaign.source_numbers == FIXED)
-    names = [source.name for source, each in zip(sources, apart, strict=True) if each]
+    names = [source.name for source, is_apart in zip(sources, apart, strict=True) if is_apart]
     return [*names, *(name for name, number in campaign.process_numbers.items() if number == FIXED)]
 
 

@@ -35,7 +35,7 @@ def members(protocol: type) -> Mapping[str, Any]:
     >>> sorted(members(Engine))
     ['accuracy', 'chunk', 'epochs', 'filter', 'noisy', 'parallel', 'simulate']
     """
-    protocols = [each for each in protocol.__mro__ if getattr(each, "_is_protocol", False) and each is not Protocol]
+    protocols = [base for base in protocol.__mro__ if getattr(base, "_is_protocol", False) and base is not Protocol]
     return {
         name: member
         for protocol in reversed(protocols)
@@ -114,6 +114,6 @@ def _parameters(wanted: Callable[..., Any]) -> tuple[tuple[str, ...], tuple[str,
     """Return the names of a method's parameters, those without a default and those with one."""
     _, *asked = inspect.signature(wanted).parameters.values()
     return (
-        tuple(each.name for each in asked if each.default is each.empty),
-        tuple(each.name for each in asked if each.default is not each.empty),
+        tuple(parameter.name for parameter in asked if parameter.default is parameter.empty),
+        tuple(parameter.name for parameter in asked if parameter.default is not parameter.empty),
     )

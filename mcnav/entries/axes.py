@@ -150,13 +150,13 @@ def units_of(table: type[Table], above: str = "") -> dict[str, str]:
     """Return the SI units of a table's sizes by axis, by their keys; those of tables inside it after a dot as well."""
     units: dict[str, str] = {}
     for name, field in table.model_fields.items():
-        for part in (*field.metadata, *_parts(field.annotation)):
-            if isinstance(part, OrSizes):
-                units[f"{above}{name}"] = part.sizes.unit
-            elif isinstance(part, AxisSizes):
-                units[f"{above}{name}"] = part.unit
-            elif isinstance(part, type) and issubclass(part, Table):
-                units |= units_of(part, f"{above}{name}.")
+        for annotation in (*field.metadata, *_parts(field.annotation)):
+            if isinstance(annotation, OrSizes):
+                units[f"{above}{name}"] = annotation.sizes.unit
+            elif isinstance(annotation, AxisSizes):
+                units[f"{above}{name}"] = annotation.unit
+            elif isinstance(annotation, type) and issubclass(annotation, Table):
+                units |= units_of(annotation, f"{above}{name}.")
     return units
 
 

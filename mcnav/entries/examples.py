@@ -83,7 +83,7 @@ def begins_with_number(stem: str, number: str) -> bool:
     (True, False)
     """
     first = stem.partition("_")[0]
-    return all(each.isdecimal() and len(each) <= 4 for each in (first, number)) and int(first) == int(number)
+    return all(digits.isdecimal() and len(digits) <= 4 for digits in (first, number)) and int(first) == int(number)
 
 
 def copy_examples(folder: Path) -> list[Path]:

@@ -192,12 +192,12 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
     if not _active or event not in ("open", "os.rename"):
         return
     try:
-        for each in tuple(_active):
-            if each.concerned:
+        for watched in tuple(_active):
+            if watched.concerned:
                 if event == "open":
-                    each.add(arguments[0], arguments[2])
+                    watched.add(arguments[0], arguments[2])
                 else:
-                    each.add(arguments[1], os.O_WRONLY)
+                    watched.add(arguments[1], os.O_WRONLY)
     except Exception:  # raising here would fail the user's open()
         return
 
@@ -216,7 +216,7 @@ def record_opened_files() -> Iterator[OpenedFiles]:
     try:
         yield files
     finally:
-        _active[:] = [each for each in _active if each is not files]
+        _active[:] = [watched for watched in _active if watched is not files]
 
 
 @lru_cache(maxsize=1)
@@ -238,7 +238,9 @@ def is_input(path: str) -> bool:
     where = Path(path)
     if any(place.startswith(_system_folders()) for place in (path, str(where.resolve()))):
         return False
-    return where.suffix not in _IGNORED_SUFFIX and not any(_IGNORED_PART.fullmatch(part) for part in where.parts[:-1])
+    return where.suffix not in _IGNORED_SUFFIX and not any(
+        _IGNORED_PART.fullmatch(folder) for folder in where.parts[:-1]
+    )
 
 
 def find_inputs(opened_files: OpenedFiles, code: str) -> dict[str, InputFile]:

@@ -32,7 +32,7 @@ def near_file(path: Path, endings: Sequence[str]) -> str:
     files = [folder / name for folder in folders for name in _names(folder, tuple(endings))]
     name = path.name
     same = [file for file in files if name in (file.name, file.stem) or begins_with_number(file.stem, name)]
-    near = [file for file in files if file.stem in near_names(path.stem, [each.stem for each in files])]
+    near = [file for file in files if file.stem in near_names(path.stem, [file.stem for file in files])]
     if chosen := (same or near)[:1]:
         return did_you_mean([str(chosen[0])])
     if ".toml" not in endings:

@@ -121,11 +121,11 @@ class ByType:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         of_union: tuple[type[Table], ...] = get_args(source)
-        families = {each.prefix: each for each in of_union if issubclass(each, Family)}
+        families = {member.prefix: member for member in of_union if issubclass(member, Family)}
         tables: Mapping[str, type[Table]] = {
-            get_args(each.model_fields[self.key].annotation)[0]: each
-            for each in of_union
-            if each not in families.values()
+            get_args(member.model_fields[self.key].annotation)[0]: member
+            for member in of_union
+            if member not in families.values()
         }
         names = [*tables, *(f"{prefix}NAME" for prefix in families)]
         usual = next((table for table in tables.values() if not table.model_fields[self.key].is_required()), None)
@@ -203,10 +203,10 @@ class ByForm:
     """Annotation of a union of types told apart by the form of the entry: a table, some texts, or else the last."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        forms = [(each, TypeAdapter[Any](each)) for each in get_args(source)]
+        forms = [(kind, TypeAdapter[Any](kind)) for kind in get_args(source)]
 
         def read(entry: object, _: object, info: ValidationInfo) -> Any:
-            form = next((form for each, form in forms[:-1] if _has_form(entry, each)), forms[-1][1])
+            form = next((form for kind, form in forms[:-1] if _has_form(entry, kind)), forms[-1][1])
             return form.validate_python(entry, strict=True, context=info.context)
 
         return with_info_wrap_validator_function(read, handler(source))

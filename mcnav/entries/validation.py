@@ -54,8 +54,8 @@ def validate_entry(
     except ValidationError as invalid:
         for error in invalid.errors(include_url=False)[: MOST_PROBLEMS + 1]:
             at = key
-            for part in error["loc"]:
-                at += f" #{part + 1}" if isinstance(part, int) else f"{'.' if at else ''}{_named(part)}"
+            for place in error["loc"]:
+                at += f" #{place + 1}" if isinstance(place, int) else f"{'.' if at else ''}{_named(place)}"
             context.problem(at, _message(error))
         return None
 

@@ -66,9 +66,9 @@ class _Indented:
             whole = self._scalars(value, depth + 1)
             return f"{whole[0]}{inner}{whole[1:-1]}{outer}{whole[-1]}"
         if table:
-            entries = (f"{self._scalars(key, 0)}: {self.format(each, depth + 1)}" for key, each in value.items())
+            entries = (f"{self._scalars(key, 0)}: {self.format(entry, depth + 1)}" for key, entry in value.items())
             return f"{{{inner}{f',{inner}'.join(entries)}{outer}}}"
-        return f"[{inner}{f',{inner}'.join(self.format(each, depth + 1) for each in value)}{outer}]"
+        return f"[{inner}{f',{inner}'.join(self.format(entry, depth + 1) for entry in value)}{outer}]"
 
 
 def indented_json(value: Any, ensure_ascii: bool = True, allow_nan: bool = True) -> str:

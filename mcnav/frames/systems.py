@@ -72,7 +72,7 @@ def _check_unit(name: str, unit: str, own: str) -> None:
     try:
         conversion(unit, own)
     except UnitError:
-        drawn, expected = ("as a pure number" if each == "1" else f"in {each}" for each in (unit, own))
+        drawn, expected = ("as a pure number" if written == "1" else f"in {written}" for written in (unit, own))
         raise ValueError(f"{name} is drawn {drawn}; the system has it {expected}") from None
 
 

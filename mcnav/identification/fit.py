@@ -1,8 +1,8 @@
 """The noise model of one axis from its record: candidates, the choice among them, estimates with intervals.
 
-Every candidate has white noise; quantization and one slow process, a rate random walk or a Gauss-Markov process, may
-come with it. The candidate with the smallest ``−2 log L + 6 (number of parameters)`` is chosen, and its margin over the
-next is stated: a margin below 4 tells little.
+Every candidate has white noise. Quantization and slow processes, a rate random walk, a Gauss-Markov process or both,
+may come with it. The candidate with the smallest ``−2 log L + 6 (number of parameters)`` is chosen, but that a walk
+beside a Gauss-Markov process costs 2. Its margin over the next is stated: a margin below 4 tells little.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ from mcnav.identification.spectrum import Bands, Record, in_bands
 
 CANDIDATES: Final = tuple(
     Model((WHITE, *fast, *slow))
-    for fast, slow in product(((), (QUANTIZATION,)), ((), (RATE_RANDOM_WALK,), (GAUSS_MARKOV,)))
+    for fast, slow in product(
+        ((), (QUANTIZATION,)), ((), (RATE_RANDOM_WALK,), (GAUSS_MARKOV,), (RATE_RANDOM_WALK, GAUSS_MARKOV))
+    )
 )
 
 IDENTIFIABLE: Final = 0.5
@@ -47,6 +49,10 @@ ROUGHLY: Final = 1e-2
 
 PENALTY: Final = 6.0
 """Price of a parameter, in −2 log L: one that is not there is taken in 0.7 of 100 records."""
+
+
+BESIDE: Final = 2.0
+"""Price of a rate random walk beside a Gauss-Markov process, in −2 log L."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +93,12 @@ class Candidate:
 
     @property
     def criterion(self) -> float:
-        """−2 log L with `PENALTY` for each parameter: the smaller, the better."""
-        return self.best.deviance + PENALTY * len(self.best.logs)
+        """−2 log L with `PENALTY` for each parameter: the smaller, the better.
+
+        A rate random walk beside a Gauss-Markov process costs `BESIDE`: left out, it spoils the other's interval.
+        """
+        both = {RATE_RANDOM_WALK, GAUSS_MARKOV} <= set(self.model.processes)
+        return self.best.deviance + PENALTY * (len(self.best.logs) - both) + BESIDE * both
 
     def estimates(self, names: Collection[str] = ()) -> tuple[Estimate, ...]:
         """Compute parameters with their intervals: those of some names, by default every one."""
@@ -200,7 +210,7 @@ def fit(record: Record) -> AxisFit:
 def _best(model: Model, bands: Bands) -> Maximum:
     """Find the largest of the maxima that several starts lead to."""
     maxima = (maximize(model, bands, start, converged=ROUGHLY) for start in _starts(model, bands))
-    return min(maxima, key=lambda each: each.deviance)
+    return min(maxima, key=lambda maximum: maximum.deviance)
 
 
 def _starts(model: Model, bands: Bands) -> list[Array]:

@@ -132,10 +132,10 @@ def _line(estimate: Estimate) -> str:
 
 
 def identify_noise(readings: ArrayLike, interval: float, below: float | None = None) -> IdentifiedNoise:
-    """Estimate white noise, quantization, and a rate random walk or Gauss-Markov process from static readings.
+    """Estimate white noise, quantization, a rate random walk and a Gauss-Markov process from static readings.
 
     The likelihood is that of the record's cosine transform (Whittle), exact for white noise and random walks; intervals
-    are profiles of it. Quantization and a slow process are in the model where the likelihood wants them.
+    are profiles of it. Quantization and slow processes are in the model where the likelihood wants them.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def common_noise(fits: Sequence[AxisFit]) -> CommonNoise:
     Models are chosen as for one record: by their likelihood of all records, and their number of parameters.
     """
     joint = [_joint(fits, candidate.model) for candidate in fits[0].candidates]
-    fitted = AxisFit(fits[0].record, tuple(sorted(joint, key=lambda each: each.criterion)))
+    fitted = AxisFit(fits[0].record, tuple(sorted(joint, key=lambda fit: fit.criterion)))
     chosen = fitted.chosen
     alone = sum(_of_model(fit, chosen.model).best.deviance for fit in fits)
     freedom = (len(fits) - 1) * len(chosen.best.logs)

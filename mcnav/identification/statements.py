@@ -1,8 +1,8 @@
 """Statements of a record on each parameter: an estimate with its interval, or a bound and the length that would do.
 
 Parameters of the chosen model are stated with their intervals. Of a process that is not in it, the record has an upper
-bound: that of the same model with the process added. Two slow processes are not told apart within one model: with one
-of them in it, the other is not stated.
+bound: that of the same model with the process added. With one slow process in the model, the other one has no bound:
+they trade shares of the spectrum. Where the record shows both, both are in the model.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def check_force(path: Path, force: Array, interval: float, stated: bool) -> tupl
     near = [unit for unit, gravity in units.items() if abs(size / gravity - 1.0) < NEAR]
     message = f"the specific force is {size:.4g} in the median, where gravity is {STANDARD_GRAVITY:.4g} m/s^2"
     if near and not stated:
-        unit = min(near, key=lambda each: abs(np.log(size / units[each])))
+        unit = min(near, key=lambda name: abs(np.log(size / units[name])))
         raise LogError(
             path, f'{message}; if it is in {unit}: units = {{ accelerometer = "{unit}" }}; if not, state "m/s^2"',
             "accelerometer",
@@ -123,8 +123,8 @@ def check_rates(path: Path, rates: Array, force: Array | None, time: Array, stat
 
 def _turned_across(mean: Array, force: Array) -> float:
     """Return the mean rate across the specific force, where its direction stays; zero where it turns."""
-    parts = [part.mean(axis=0) for part in np.array_split(force, min(10, len(force)))]
-    lengths = [float(np.linalg.norm(part)) for part in parts]
+    parts = [stretch.mean(axis=0) for stretch in np.array_split(force, min(10, len(force)))]
+    lengths = [float(np.linalg.norm(force_mean)) for force_mean in parts]
     if min(lengths) < STANDARD_GRAVITY / 2.0:
         return 0.0
     directions = np.array(parts) / np.array(lengths)[:, None]

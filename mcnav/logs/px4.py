@@ -59,9 +59,9 @@ def open_ulog(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTab
         wanted = choices[0]
     if wanted not in datasets:
         raise LogError(path, f"has no topic {printable(topic or '', 60)!r}; it has {_topics(path)}", "columns.topic")
-    instances = sorted(each for each in datasets if each[0] == wanted[0])
+    instances = sorted(dataset for dataset in datasets if dataset[0] == wanted[0])
     if not instance and len(instances) > 1:
-        choices_of = " or ".join(f'"{each}.{number}"' for each, number in instances)
+        choices_of = " or ".join(f'"{topic}.{number}"' for topic, number in instances)
         raise LogError(
             path, f"has {len(instances)} instances of {wanted[0]}; name one: columns = {{ topic = {choices_of} }}"
         )
@@ -69,10 +69,10 @@ def open_ulog(path: Path, topic: str | None, preferred: Sequence[str]) -> LogTab
         raise LogError(path, f"has no times of {wanted[0]}")
     columns, notes = _columns(datasets[wanted], wanted[0])
     if not name and wanted[0] in PARTS:
-        other = next(each for each in PARTS if each != wanted[0])
-        others = [each for each in datasets if each[0] == other]
+        other = next(name for name in PARTS if name != wanted[0])
+        others = [dataset for dataset in datasets if dataset[0] == other]
         if len(others) > 1:
-            choices_of = " or ".join(f'"{each}.{number}"' for each, number in others)
+            choices_of = " or ".join(f'"{topic}.{number}"' for topic, number in others)
             raise LogError(path, f"has {len(others)} instances of {other} beside {wanted[0]}; name one of {choices_of}")
         if others:
             columns, notes = _joined(columns, _columns(datasets[others[0]], other)[0], wanted[0], other)
@@ -208,7 +208,7 @@ def _attitude(path: Path, timestamp: Values) -> dict[str, Array]:
     time, first = np.unique(data.get("timestamp", np.zeros(0)).astype(np.int64), return_index=True)
     if len(time) < 2 or "q[3]" not in data or timestamp[0] < time[0] or timestamp[-1] > time[-1]:
         return {}
-    body_to_local = Rotation.from_quat(np.stack([data[f"q[{part}]"] for part in (1, 2, 3, 0)], axis=1)[first])
+    body_to_local = Rotation.from_quat(np.stack([data[f"q[{number}]"] for number in (1, 2, 3, 0)], axis=1)[first])
     turned = Slerp(time.astype(float), body_to_local)(timestamp.astype(float))
     heading, pitch, roll = np.degrees(turned.as_euler("ZYX")).T
     return {"roll [deg]": roll, "pitch [deg]": pitch, "heading [deg]": heading}

@@ -105,8 +105,8 @@ def _numbers(prefix: str, message: Any) -> Iterator[tuple[str, float]]:
         if isinstance(value, (bool, int, float, np.number)):
             yield prefix + name, float(value)
         elif isinstance(value, np.ndarray) and value.size <= LARGEST_ARRAY and value.dtype.kind in "iufb":
-            for place, each in enumerate(value.reshape(-1)):
-                yield f"{prefix}{name}[{place}]", float(each)
+            for place, entry in enumerate(value.reshape(-1)):
+                yield f"{prefix}{name}[{place}]", float(entry)
         elif hasattr(value, "__dataclass_fields__"):
             yield from _numbers(f"{prefix}{name}.", value)
 

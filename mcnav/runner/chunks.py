@@ -177,7 +177,7 @@ class _Chunk:
         linear = np.full((len(errors), len(work.layout.linear)), np.nan)  # nothing of samples whose process died
         linear = linear if result.linear_values is None else result.linear_values
         filters = _final_filters(work.engine.filter, result)
-        self.rows.append(tuple(each[:count].copy() for each in (errors, result.values, linear, filters)))
+        self.rows.append(tuple(array[:count].copy() for array in (errors, result.values, linear, filters)))
         self.failures |= {self.done + row: failure for row, failure in by_row.items() if row < count}
         raised = ((self.done + row, failure.traceback) for row, failure in by_row.items() if failure.traceback)
         self.tracebacks |= dict(islice(raised, None if frame is None else MOST_REASONS - len(self.tracebacks)))

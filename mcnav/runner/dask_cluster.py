@@ -182,7 +182,7 @@ class Cluster:
             raise ClusterError(f"{self.address}: has no worker, and none came for {PATIENCE:g} s") from None
         self._look(())
         self._check_workers()
-        others = {str(each) for each in self._asked(processor).values()} - {processor()}
+        others = {str(answer) for answer in self._asked(processor).values()} - {processor()}
         if not others:
             return []
         told = ", ".join(sorted(others))

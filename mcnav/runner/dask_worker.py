@@ -45,7 +45,9 @@ def incompatibility(needed: Mapping[str, str], wanted: Path | None = None) -> st
     result = versions()
     other = [name for name, version in needed.items() if result.get(name) != version]
     if other:
-        has, needs = (", ".join(f"{name} {each.get(name, 'none')}" for name in other) for each in (result, needed))
+        has, needs = (
+            ", ".join(f"{name} {versions.get(name, 'none')}" for name in other) for versions in (result, needed)
+        )
         return f"has {has} where this run has {needs}; its results would be others"
     if wanted is None:
         return None

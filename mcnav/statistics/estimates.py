@@ -57,7 +57,7 @@ class Estimate:
         if self.degrees_of_freedom < 1.0:
             return float("inf"), float("inf")
         quantile = self._quantile(confidence)
-        low, high = (_unskewed(each, self.asymmetry) * self.standard_error for each in (quantile, -quantile))
+        low, high = (_unskewed(end, self.asymmetry) * self.standard_error for end in (quantile, -quantile))
         return low, -high
 
     def _quantile(self, confidence: float) -> float:

@@ -49,7 +49,7 @@ def mardia(values: Array) -> Mardia | None:
     fourths = 0.0
     for stretch in stretches(count):
         white = own.matrix.T @ (values[stretch] - mean).T
-        thirds += [(white * each) @ white.T / count for each in white]
+        thirds += [(white * row) @ white.T / count for row in white]
         fourths += float(np.sum(np.sum(white**2, axis=0) ** 2))
     skewness, kurtosis = float(np.sum(np.square(thirds))), fourths / count
     n, p = float(count), float(rank)

@@ -122,7 +122,7 @@ class _Change:
 
 
 def _change(axis: AxisReport) -> _Change:
-    """Say what replaces the values of an axis: a slow process replaces both."""
+    """Say what replaces the values of an axis: those of both slow processes, absent ones by zero."""
     estimates = {estimate.name: estimate for estimate in axis.fitted.estimates}
     known = {name for name, estimate in estimates.items() if estimate.identified}
     if not {"instability", "correlation_time"} <= known:
@@ -131,7 +131,8 @@ def _change(axis: AxisReport) -> _Change:
         known -= {"quantization"}
     sizes = {name: estimate.value for name, estimate in estimates.items() if name in known}
     if "correlation_time" in sizes:
-        sizes |= {"correlation_time": max(sizes["correlation_time"], SHORTEST_CORRELATION), "rate_random_walk": 0.0}
+        sizes = {"rate_random_walk": 0.0, **sizes}
+        sizes["correlation_time"] = max(sizes["correlation_time"], SHORTEST_CORRELATION)
     elif "rate_random_walk" in sizes:
         sizes["instability"] = 0.0
     if "quantization" in sizes:

@@ -212,7 +212,7 @@ def page_name(paths: Sequence[str | Path]) -> str:
     """
     parts = [Path(path).resolve().parts[1:] for path in paths]
     deepest = max(map(len, parts), default=1)
-    names = (["-".join(each[-count:]) for each in parts] for count in range(1, deepest + 1))
+    names = (["-".join(pieces[-count:]) for pieces in parts] for count in range(1, deepest + 1))
     told = [name for name in names if len(set(name)) == len(name)] or [[each[-1] for each in parts]]
     return f"{'_and_'.join(told[0])}.html"
 

@@ -83,7 +83,9 @@ def _precisely(seconds: float) -> str:
     >>> _precisely(0.3456), _precisely(0.0021), _precisely(2e-7)
     ('0.35 s', '2.1 ms', '0.2 µs')
     """
-    size, unit = next((each for each in ((1.0, "s"), (1e-3, "ms")) if seconds >= each[0]), (1e-6, "µs"))
+    size, unit = next(
+        (unit_of_time for unit_of_time in ((1.0, "s"), (1e-3, "ms")) if seconds >= unit_of_time[0]), (1e-6, "µs")
+    )
     return f"{seconds:.2g} s" if seconds >= 0.1 else f"{seconds / size:.2g} {unit}"
 
 

@@ -123,7 +123,9 @@ class _Noise:
     @classmethod
     def of(cls, engine: ConditionalEngine, event: Event, law: _Law) -> _Noise:
         """Ask for conditions on what is felt of the noise, and near enough to its limits to matter."""
-        whole, noise = (np.sqrt(np.diagonal(each, axis1=1, axis2=2)) for each in (law.covariance, law.of_noise))
+        whole, noise = (
+            np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)) for covariances in (law.covariance, law.of_noise)
+        )
         nearest = np.min(event.distances(law.mean, law.covariance), axis=1)
         felt = (noise > UNFELT * whole) & (nearest < np.min(nearest) + BEHIND)[:, None]
         places = np.flatnonzero(felt)
@@ -150,7 +152,7 @@ class _Noise:
         sigma = np.sqrt(np.diag(covariance))
         inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
         pulled = inverse * (np.linalg.pinv(inverse[:, None] * covariance * inverse, rcond=1e-10) @ (inverse * added))
-        return [math.sqrt(max(0.0, float(pulled @ part @ pulled))) for part in parts]
+        return [math.sqrt(max(0.0, float(pulled @ covariance @ pulled))) for covariance in parts]
 
 
 @dataclass(frozen=True)
@@ -405,7 +407,7 @@ def fly_way_to_fail(
         value = float(event.limit.margin(normals.fly(multiple * point[None], np.zeros(1, dtype=np.int64)))[0])
         return value if math.isfinite(value) else 1.0
 
-    (low, below), (high, beyond) = ((each, margin(each)) for each in (1.0 - MOVED, 1.0 + MOVED))
+    (low, below), (high, beyond) = ((multiple, margin(multiple)) for multiple in (1.0 - MOVED, 1.0 + MOVED))
     crossed = below <= 0.0 < beyond
     multiple = root_between(margin, (low, below), (high, beyond), 1e-6)[1] if crossed else 1.0
     found = multiple * point[None]

@@ -13,6 +13,8 @@ from mcnav.report.columns.result_tables import final_tables
 from mcnav.report.columns.tables_over_time import tables_over_time
 from mcnav.report.exports.arrays import arrays, as_mat, as_npz
 from mcnav.report.exports.export import as_csv
+from mcnav.report.exports.flight import flight_of
+from mcnav.report.exports.viewers import WRITERS
 from mcnav.report.pages.run.page import figures
 from mcnav.report.results.model import RunAnalysis
 from mcnav.store.run_folder import RunFolder
@@ -59,6 +61,31 @@ def export_run(path: str | Path, folder: str | Path, units: Units = "shown") -> 
     """
     with one_thread(), reading_file(Path(path)):
         return write_export(analyse(RunFolder(Path(path))), Path(folder), units)
+
+
+def export_flight(path: str | Path, file: str | Path) -> Path:
+    """Write the flight of a finished run for another viewer: true, navigated, and the covariance of the error.
+
+    Parameters
+    ----------
+    path, file : str or Path
+        Run folder, and the file to write: ``.czml`` for Cesium, ``.mcap`` for Foxglove and PlotJuggler.
+
+    Raises
+    ------
+    RunFolderError
+        When there is no finished run, or it has no positions.
+    ImportError
+        Where the library of the format is not installed.
+    """
+    written, folder = Path(file), RunFolder(Path(path))
+    with reading_file(Path(path)):
+        folder.check_exists()
+        flight = flight_of(folder)
+    content = WRITERS[written.suffix.lower()](flight)
+    written.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(written, content)
+    return written
 
 
 def write_export(content: RunAnalysis, folder: Path, units: Units = "shown") -> list[Path]:

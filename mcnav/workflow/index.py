@@ -220,7 +220,7 @@ def _worst_ratio(summary: Summary) -> _Worst | None:
         for name, ratio in zip(summary.names, summary.sigma_ratio_paired, strict=False)
         if ratio is not None and ratio > 0.0 and math.isfinite(ratio)
     ]
-    return max(known, key=lambda each: abs(math.log(each.value)), default=None)
+    return max(known, key=lambda ratio: abs(math.log(ratio.value)), default=None)
 
 
 def _filter_ratio(summary: Summary) -> _Worst | None:
@@ -254,7 +254,7 @@ def _least_margin(summary: Summary) -> _Worst | None:
         for entry in summary.requirements
         if entry.kind in SIZES and entry.estimate
     ]
-    return min(known, key=lambda each: each.value, default=None)
+    return min(known, key=lambda ratio: ratio.value, default=None)
 
 
 def _page(folder: Path, runs: Sequence[_Run], studies: Sequence[_Study]) -> Page:

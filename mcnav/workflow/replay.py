@@ -196,7 +196,7 @@ def _at(epochs: Epochs | None, epoch: int | None) -> str:
 
 def _way_to_fail(path: Path, manifest: Manifest, number: int) -> ExceedanceRecord:
     """Return the record of a requirement's most likely way to fail; refuse where there is none."""
-    records = {each.requirement + 1: each for each in manifest.model.exceedance or ()}
+    records = {record.requirement + 1: record for record in manifest.model.exceedance or ()}
     known = [key for key, record in records.items() if record.point is not None]
     which = f"; known of {', '.join(map(str, known))}" if known else ""
     if number not in records:

@@ -41,5 +41,5 @@ def show_run(
         return as_csv(tables[table or "outputs"].rows), None
     if form == "json":
         chosen = tables if table is None else {table: tables[table]}
-        return as_json({name: each.rows for name, each in chosen.items()}), None
+        return as_json({name: table.rows for name, table in chosen.items()}), None
     return "", show.tabulate(tables[table or "outputs"])

@@ -99,7 +99,7 @@ def describe(
     rows_only = len(truth.times) >= BETWEEN
     times = truth.times if rows_only else np.union1d(truth.times, np.linspace(begin, end, BETWEEN + 1))
     states = truth.states(times, "strapdown", float(begin))
-    force, rate = (np.linalg.norm(each, axis=1) for each in (states.force, states.rate))
+    force, rate = (np.linalg.norm(vectors, axis=1) for vectors in (states.force, states.rate))
     latitude, longitude, altitude = truth.geodetic(times).T
     longitude = np.unwrap(longitude)
     speed = np.linalg.norm(truth.earth_fixed(times)[1], axis=1)
@@ -135,7 +135,7 @@ def _history(truth: Truth, times: Array, events: Mapping[str, float]) -> History
     heading, pitch, roll = np.degrees(np.unwrap(rows.angles, axis=0)).T
     first = heading[0] - heading[0] % 360.0
     vertical = np.abs(np.abs(pitch) - 90.0) < VERTICAL
-    heading, roll = (np.where(vertical, np.nan, each) for each in (heading, roll))
+    heading, roll = (np.where(vertical, np.nan, angle) for angle in (heading, roll))
     force = truth.states(times, "strapdown", float(times[0])).force / STANDARD_GRAVITY
     columns = {
         TIME: times,

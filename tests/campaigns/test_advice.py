@@ -133,7 +133,7 @@ def test_reentry_to_a_landing_site_that_bends() -> None:
     """The 99.73 % quantile of the miss is 9.65 km, 9 % above the linear one: errors may not be 13 % larger."""
     content = campaign_26() | {"samples": SAMPLES}
     basis = Basis.of(simulated(parse_campaign(content, "here.toml", "here"), SAMPLES, 1))
-    allocation = allocate(content, confirm=1, basis=basis, jobs=1)
+    allocation = allocate(content, confirm=0, basis=basis)
     (as_it_is,) = AllocationResult(allocation).requirements.itertuples()
     assert as_it_is.finding == basis.entries[0].finding
     assert 9.6 < as_it_is.at_most < 10.0  # by chosen flights; 8.8 km by linear analysis
@@ -141,4 +141,3 @@ def test_reentry_to_a_landing_site_that_bends() -> None:
     (goal,) = allocation.goals
     factors = {change.label: change.factor for change in goal.changes if change.reached}
     assert factors["all numbers"] < 1.04  # 10 km over 9.65 km
-    assert [change.simulated.finding for change in goal.changes if change.simulated is not None] in ([], ["met"])

@@ -44,7 +44,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_question_of_the_board_first_on_one_slide_and_one_sheet(place: Path) -> None:
-    """Requirement, margin and confidence; PDF files have the same bytes again."""
+    """Requirement, margin and confidence; each PDF file is of one page, and has the same bytes again."""
     done = invoke("brief", "run", cwd=place)
     assert done.returncode == 0, done.stderr
     text = re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", (place / "run_brief" / "brief.html").read_text("utf-8")))

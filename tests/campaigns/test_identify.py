@@ -76,7 +76,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     log(made / "static.csv")
     imu = '[imu]\ngrade = "tactical"\n[imu.gyro]\nrate_random_walk = "0.1 deg/h/sqrt(h)"'
     (made / "choice.toml").write_text(CAMPAIGN.format(imu=imu))
-    words = ("identify", "static.csv", *UNITS, "--campaign", "choice.toml", "--out", "unit")
+    words = ("identify", "static.csv", *UNITS, "--campaign", "choice.toml", "--full", "--out", "unit")
     done = invoke(*words, cwd=made)
     assert done.returncode == 0, done.stderr
     (made / "printed.txt").write_text(done.stdout)
@@ -102,6 +102,16 @@ def test_what_was_simulated_comes_back(folder: Path) -> None:
     assert result["gyro"]["angle_random_walk"]["x"]["unit"] == "rad/sqrt(s)"
 
 
+def test_a_screen_has_the_answer(folder: Path) -> None:
+    """Estimates, models and the first remarks in 25 lines of 80 columns; what is left out is told."""
+    done = invoke("identify", "static.csv", *UNITS, cwd=folder)
+    lines = done.stdout.splitlines()
+    assert len(lines) <= 25
+    assert max(map(len, lines)) <= 100  # names of files and remarks are wrapped by the terminal
+    assert sum(line.startswith(("angle_random_walk", "velocity_random_walk")) for line in lines) == 2
+    assert "--full" in done.stdout
+
+
 def test_what_the_log_does_not_show_is_bounded(folder: Path) -> None:
     result = json.loads((folder / "unit" / "identify.json").read_text())
     unidentified = [entry for entry in result["gyro"]["rate_random_walk"].values() if entry["value"] is None]
@@ -109,7 +119,7 @@ def test_what_the_log_does_not_show_is_bounded(folder: Path) -> None:
     for entry in unidentified:
         assert entry["to"] > 0.0
         assert entry["hours_wanted"] > 12_000 * INTERVAL / 3600.0
-    assert "hours would do" in (folder / "printed.txt").read_text()
+    assert "record at least" in (folder / "printed.txt").read_text()
 
 
 def test_the_table_can_be_pasted(folder: Path) -> None:
@@ -195,7 +205,7 @@ def test_what_is_wrong_with_readings_is_noticed(folder: Path) -> None:
     header = (folder / "gap.csv").read_text().partition("\n")[0]
     np.savetxt(folder / "wrong.csv", table[:, :4], delimiter=",", header=header[: header.index(",acc")], comments="",
                fmt="%.9g")  # fmt: skip
-    done = invoke("identify", "wrong.csv", *UNITS[:2], cwd=folder)
+    done = invoke("identify", "wrong.csv", *UNITS[:2], "--full", cwd=folder)
     assert done.returncode == 0, done.stderr
     for words in (
         "1 gap; the longest stretch without one is used, from 304 to 999.8 s, 69.9 % of the readings",

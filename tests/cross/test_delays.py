@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from copy import deepcopy
 from dataclasses import replace
 from functools import lru_cache
@@ -197,6 +198,17 @@ def test_a_filter_that_knows_its_delays_is_consistent(states: tuple[str, ...], c
     assert linear.processes["gnss_jitter"][-1].any()
 
 
+def test_a_smoother_that_knows_its_delays_is_consistent() -> None:
+    states = ("gnss_delay", "gnss_lever_arm")
+    late = campaign({"delay": "20 ms", "jitter": "5 ms", **ON_ARM}, None, states, (), TURNS)
+    aided = aided_of(late)
+    smoothed = replace(aided, filter=replace(aided.filter, lag=np.inf)).smoothed_at_epochs
+    true = map_covariances(smoothed.partials, late.errors.covariance) + sum(smoothed.processes.values())
+    np.testing.assert_allclose(
+        np.diagonal(smoothed.own, axis1=1, axis2=2), np.diagonal(true, axis1=1, axis2=2), rtol=1e-9
+    )
+
+
 def test_a_filter_in_turns_that_neglects_a_delay_is_optimistic_in_the_arm() -> None:
     """By 15 after 37 min: at 80 m/s 20 ms are an arm of 1.6 m forward, in turns as well, where the filter has 0.1 m."""
     turns = [{"straight": "60 s"}, {"turn": "180 deg", "bank": "30 deg"}]
@@ -311,3 +323,36 @@ def test_linear_sigmas_hold_to_a_ten_thousandth_where_delays_are_small() -> None
     for own in (True, False):
         result = simulate_aided(tables, draws, 0, np.arange(count), own, quiet)
         np.testing.assert_allclose(result.values[:, -1].std(axis=0), result.linear.std(axis=0), rtol=1e-4)
+
+
+def test_delay_and_arm_are_one_at_constant_speed_and_that_is_said() -> None:
+    """Not with changes of speed, or an arm that is known."""
+    straight = campaign({"delay": "20 ms", **ON_ARM}, segments=[{"straight": "60 s"}, {"turn": "90 deg"}])
+    (remark,) = remarks_of(straight)
+    assert remark == (
+        "the measurements of gnss cannot tell its delay from its lever arm. At constant speed the two are one: 20 ms "
+        "are 1.6 m"
+    )
+    exact = {**ON_ARM, "lever_arm_error": "0 m"}
+    changing = [{"speed": "160 m/s"}, {"straight": "60 s"}, {"speed": "80 m/s"}]
+    assert not remarks_of(campaign({"delay": "20 ms", **exact}, segments=[{"straight": "60 s"}]))
+    assert not remarks_of(campaign({"delay": "20 ms", **ON_ARM}, segments=changing))
+
+
+def test_a_delay_that_is_not_small_is_named() -> None:
+    """In a turn of 40 deg of bank at 80 m/s: h'' of the velocity is (9.8 tan 40 deg)^2 / 80 = 0.84 m/s^3."""
+    turning = [{"straight": "60 s"}, {"turn": "90 deg", "bank": "40 deg"}, {"straight": "10 s"}]
+    assert not remarks_of(campaign({"delay": "1 ms", "velocity": "0.1 m/s"}, segments=turning))
+    (remark,) = remarks_of(campaign({"delay": "0.1 s", "velocity": "0.1 m/s"}, segments=turning))
+    assert re.fullmatch(
+        r"the delay of gnss is not small. 300 ms late, its \w+ \w+ is wrong by [\d.]+ filter sigmas beyond first "
+        r"order, at [\d.]+ s. Linear results may be wrong there; samples hold",
+        remark,
+    )
+    known = campaign(None, {"gnss_delay": {"distribution": "fixed", "value": "0.3 s"}}, segments=turning)
+    assert any("is not small" in remark for remark in remarks_of(known))
+
+
+def remarks_of(late: Campaign) -> tuple[str, ...]:
+    """Return what a scenario remarks of its delays."""
+    return late.scenario.remarks_on(late.errors.mean, late.errors.covariance)

@@ -57,7 +57,7 @@ def _plain(node: Any, inside: Mapping[str, Node]) -> Any:
         outer = {key: value for key, value in node.items() if key in (*MARKS, "description")}
         return _plain({**inside[name], **outer}, inside)
     if "anyOf" in node and not {BY_KEY, BY_TYPE, EITHER} & node.keys():
-        others = [each for each in node["anyOf"] if each != {"type": "null"}]
+        others = [alternative for alternative in node["anyOf"] if alternative != {"type": "null"}]
         if len(others) == 1:
             outer = {key: value for key, value in node.items() if key != "anyOf"}
             return _plain({**others[0], **outer}, inside)

@@ -41,6 +41,9 @@ MARGIN: Final = 0.5
 LARGER: Final = 1.8
 """Size of a slide's text over that of a sheet's."""
 
+SMALLER: Final = (1.0, 0.9, 0.8)
+"""Sizes of a sheet's text that are tried until it is one sheet."""
+
 LEFT: Final = 0.56
 """Share of a slide's width that its figure has."""
 
@@ -63,25 +66,41 @@ BAR: Final = 0.15
 
 
 def write_sheet(page: Page, path: Path) -> Path:
-    """Write a page as a PDF file of A4 sheets without the date."""
-    return _write(page, path, _Sheets(A4, 1.0), page.sections)
+    """Write a page as a PDF file of one A4 sheet without the date, with smaller text where it asks for more.
+
+    A page that is too long at the smallest size has more sheets.
+    """
+    for larger in SMALLER:
+        sheets = _filled(page, A4, larger, page.sections)
+        if len(sheets.figures) == 1:
+            break
+    return _write(page, path, sheets)
 
 
 def write_slide(page: Page, path: Path) -> Path:
     """Write the head of a page as a PDF file of one slide without the date."""
-    return _write(page, path, _Sheets(SLIDE, LARGER), ())
+    return _write(page, path, _filled(page, SLIDE, LARGER, ()))
 
 
-def _write(page: Page, path: Path, sheets: _Sheets, sections: Sequence[Section]) -> Path:
-    with mpl.rc_context(STYLE | {"font.size": TEXT * sheets.larger}):
+def _filled(page: Page, size: tuple[float, float], larger: float, sections: Sequence[Section]) -> _Sheets:
+    """Draw the head of a page and some sections."""
+    sheets = _Sheets(size, larger)
+    with mpl.rc_context(STYLE | {"font.size": TEXT * larger}):
         sheets.text(page.heading, TITLE)
         for part in page.head:
             sheets.part(part)
         for section in sections:
             sheets.section(section)
-        with PdfPages(path, metadata={"CreationDate": None, "Title": page.title}) as file:
-            for figure in sheets.figures:
-                file.savefig(figure)
+    return sheets
+
+
+def _write(page: Page, path: Path, sheets: _Sheets) -> Path:
+    with (
+        mpl.rc_context(STYLE | {"font.size": TEXT * sheets.larger}),
+        PdfPages(path, metadata={"CreationDate": None, "Title": page.title}) as file,
+    ):
+        for figure in sheets.figures:
+            file.savefig(figure)
     return path
 
 
@@ -229,7 +248,7 @@ class _Sheets:
         columns = [table.columns_in("page")[k] for k in kept]
         rows = [[row[k] for k in kept] for row in table.cells_in("page")]
         heads = [f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in columns]
-        texts = [[[_plain(f"{cell.text} {cell.unit}").strip(), _plain(cell.below)] for cell in row] for row in rows]
+        texts = [[[f"{_plain(cell.text)} {cell.unit}".strip(), _plain(cell.below)] for cell in row] for row in rows]
         asked = [
             max(text_width(text, SMALL) for text in (heads[k], *(each for row in texts for each in row[k]))) / 72.0
             for k in range(len(columns))
@@ -260,7 +279,7 @@ class _Sheets:
         """Draw the first panels of a figure, two beside each other, with its key and sentence."""
         panels = figure.first[:2]
         named = max((len(panel.y.names) for panel in panels), default=0)
-        high = max(DRAWING, BAR * named + 0.6)
+        high = max(DRAWING, BAR * named + 0.6) * min(self.larger, 1.0)
         if self.larger > 1.0:
             high = self.size[1] - self.down - MARGIN - 0.5
         self.room(high + 0.5)

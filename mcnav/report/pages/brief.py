@@ -25,6 +25,9 @@ from mcnav.report.statements.requirements import requirement_in_brief, three_dig
 from mcnav.report.statements.verdicts import Statement
 from mcnav.report.statements.words import listed
 
+LISTED: Final = 3
+"""Remedies on the sheet; the report has all."""
+
 MULTIPLE: Final = "× {}".format
 LINK: Final = Markup('<a href="{}">{}</a>').format
 
@@ -140,7 +143,10 @@ def _causes(
 
 def _advice(content: RunAnalysis) -> Section | None:
     """Tabulate what would help; none where nothing fails."""
-    return remedies_section(content.remedies, content.manifest.model.outputs, ALL_REMEDIES)
+    remedies = content.remedies
+    if remedies is not None:
+        remedies = remedies.completed({"listed": remedies.listed[:LISTED]})
+    return remedies_section(remedies, content.manifest.model.outputs, ALL_REMEDIES)
 
 
 def _sources(content: RunAnalysis, worst: RequirementRow | None, links: Links) -> Section:

@@ -26,6 +26,7 @@ from mcnav.report.results.identified import (
     ParameterRow,
     SigmaRow,
 )
+from mcnav.report.statements.words import several
 
 WORDS: Final = {
     "random_walk": "white noise",
@@ -38,11 +39,11 @@ WORDS: Final = {
 RATES: Final = {"gyro": "deg/h", "accelerometer": "ug"}
 """Shown units of readings."""
 
-CAMPAIGN_NOTE: Final = (
-    "The interval follows from those of the identified values alone. Not included: the uncertainty of what the logs do "
-    "not show, that is constant biases, scale factors, misalignments, initial errors and sensors, which are the "
-    "campaign's; differences between this unit at rest and any other one, in motion, or at other temperatures; "
-    "departures from linear analysis, which mcnav run tests."
+CAMPAIGN_NOTES: Final = (
+    "The interval follows from those of the identified values alone. What the logs do not show is the campaign's: "
+    "constant biases, scale factors, misalignments, initial errors and sensors.",
+    "Not included: differences between this unit at rest and any other one, in motion, or at other temperatures. "
+    "Nor are departures from linear analysis: mcnav run tests them.",
 )
 
 TEST_NOTE: Final = (
@@ -50,6 +51,12 @@ TEST_NOTE: Final = (
     "rejects about five of a hundred records whose model is right. A model that is not rejected may still be wrong "
     "where the record is too short to tell."
 )
+
+KINDS: Final = 2
+"""Kinds of processes that a sentence names."""
+
+NOTICED: Final = 2
+"""Remarks that the terminal shows in brief."""
 
 CLOSE: Final = 4.0
 """Margin below which the choice is said to be close: a model with a parameter more has −2 log L smaller by over 2."""
@@ -75,11 +82,26 @@ def hours_words(hours: float | None) -> str:
     """Say how long a log would have to be.
 
     >>> hours_words(12.345), hours_words(np.inf), hours_words(None)
-    ('12.3 hours would do', 'no log of ten years would show it', '')
+    ('record at least 12.3 h', 'no log of ten years would show it', '')
     """
     if hours is None:
         return ""
-    return f"{hours:.3g} hours would do" if np.isfinite(hours) else "no log of ten years would show it"
+    return (
+        f"record at least {duration_words(3600.0 * hours)}"
+        if np.isfinite(hours)
+        else ("no log of ten years would show it")
+    )
+
+
+def duration_words(seconds: float) -> str:
+    """Write a duration with three digits in s, min or h.
+
+    >>> duration_words(31.2336), duration_words(2164.0), duration_words(3600.0 * 25)
+    ('31.2 s', '36.1 min', '25 h')
+    """
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
 
 
 def statement_words(row: ParameterRow) -> str:
@@ -113,14 +135,65 @@ def page(report: IdentificationReport) -> Page:
     )
 
 
-def terminal(report: IdentificationReport) -> list[Part]:
-    """List what the terminal shows."""
+def terminal(report: IdentificationReport, full: bool = True) -> list[Part]:
+    """List what the terminal shows: everything, or what fits a screen."""
+    if not full:
+        return _in_brief(report)
     parts: list[Part] = [*_head(report), parameter_table(report), model_table(report)]
     parts += [Sentence(""), *(Sentence(remark, "undecided") for remark in remarks(report))]
     parts += _grade_parts(report)
     if report.sigmas is not None:
         parts += _campaign_parts(report.sigmas)
     return [*parts, Lines(report.imu, "Table [imu]")]
+
+
+def _in_brief(report: IdentificationReport) -> list[Part]:
+    """List the estimates, a row for each value with its axes beside each other, models, errors that follow, remarks."""
+    rows: dict[tuple[str, str, str], dict[str, ParameterRow]] = {}
+    for row in sorted((row for row in report.parameters if row.stated), key=lambda row: _place(report, row)):
+        rows.setdefault((row.instrument, row.key, row.shown_in), {})[row.axis] = row
+    axes = list(dict.fromkeys(row.axis for row in report.parameters))
+
+    def of_axis(axis: str) -> Column[tuple[str, str, str]]:
+        return Column(axis, lambda key: _estimate(rows[key][axis]) if axis in rows[key] else "–")
+
+    columns: list[Column[tuple[str, str, str]]] = [
+        Column("Value", lambda key: key[1], "value", "label"), *map(of_axis, axes),
+        Column("Unit", lambda key: key[2], "unit", "label"),
+    ]  # fmt: skip
+    models: dict[str, list[str]] = {}
+    for axis in report.axes:
+        models.setdefault(model_words(axis.fitted.chosen.model), []).append(axis.name)
+    said = [f"Model of {_axes_words(names)}: {words}." for words, names in models.items()]
+    noticed = list(remarks(report))
+    left = len(noticed) - NOTICED
+    more = [f"{left} more remarks: --full."] if left > 0 else []
+    return [
+        *_head(report), Table("", columns, list(rows), "Noise; < is an upper bound", group=lambda key: key[0]),
+        *map(Sentence, said), *(Sentence(remark, "undecided") for remark in noticed[:NOTICED]), *map(Sentence, more),
+        *([_sigma_table(report.sigmas)] if report.sigmas is not None else []),
+        Note("Intervals, tests, grades and the table [imu]: --full. --out FOLDER writes them as files."),
+    ]  # fmt: skip
+
+
+def _estimate(row: ParameterRow) -> str:
+    if row.value is not None:
+        return number(row.value * row.factor, 3)
+    return f"< {number(row.high * row.factor, 3)}" if np.isfinite(row.high) else "–"
+
+
+def _axes_words(names: Sequence[str]) -> str:
+    """Name axes of instruments, each instrument once.
+
+    >>> _axes_words(["gyro x", "gyro y", "accelerometer z"])
+    'gyro x, y, accelerometer z'
+    """
+    words, last = list[str](), ""
+    for name in names:
+        instrument, _, axis = name.rpartition(" ")
+        words.append(axis if instrument == last else name)
+        last = instrument
+    return ", ".join(words)
 
 
 def _head(report: IdentificationReport) -> list[Part]:
@@ -133,7 +206,7 @@ def _head(report: IdentificationReport) -> list[Part]:
 
 
 def _length(log: LogFacts) -> str:
-    return f"{log.duration / 3600.0:.4g} h, {log.readings:,} readings, one each {log.interval:.6g} s"
+    return f"{duration_words(log.duration)}, {log.readings:,} readings, one each {log.interval:.6g} s"
 
 
 def parameter_table(report: IdentificationReport) -> Table[ParameterRow]:
@@ -312,7 +385,7 @@ def _between(row: GradeRow) -> str:
     return f"coarser than {row.finer}" if row.finer else f"finer than {row.coarser}"
 
 
-def _campaign_parts(sigmas: CampaignSigmas) -> list[Part]:
+def _sigma_table(sigmas: CampaignSigmas) -> Table[SigmaRow]:
     """Tabulate the navigation errors that follow."""
     columns: list[Column[SigmaRow]] = [
         Column("Output", lambda row: Cell(humanize(row.output), row.unit), "output", "label"),
@@ -321,16 +394,20 @@ def _campaign_parts(sigmas: CampaignSigmas) -> list[Part]:
         Column("95 % interval", lambda row: f"{number(row.low)} to {number(row.high)}", "95 % interval", "label"),
         *([Column[SigmaRow]("At the bounds", lambda row: row.bounded, "at the bounds")] if sigmas.bounded else []),
     ]
+    return Table(f"Final errors of {sigmas.campaign}, one sigma, by linear analysis.", columns, sigmas.rows,
+                 f"Final errors of {sigmas.campaign}, 1σ")  # fmt: skip
+
+
+def _campaign_parts(sigmas: CampaignSigmas) -> list[Part]:
+    """Tabulate the navigation errors that follow, and say what they rest on."""
     words = [f"{len(sigmas.replaced)} values of [imu] are replaced by those of the logs"
              + (", also in what the filter believes of the instruments unless the campaign says otherwise"
                 if sigmas.filtered else "") + "."]  # fmt: skip
     if sigmas.kept:
-        words.append(f"Kept from the campaign, because the logs do not identify them: {_named(sigmas.kept)}.")
+        words.append(f"Kept from the campaign, not identified by the logs: {_named(sigmas.kept)}.")
     if sigmas.bounded:
         words.append(f"At the bounds: with {_named(sigmas.bounded)} as large as the logs allow.")
-    table = Table(f"Final errors of {sigmas.campaign}, one sigma, by linear analysis.", columns, sigmas.rows,
-                  f"Final errors of {sigmas.campaign}, 1σ")  # fmt: skip
-    return [table, Sentence(" ".join(words)), Note(CAMPAIGN_NOTE)]
+    return [_sigma_table(sigmas), *map(Sentence, words), *map(Note, CAMPAIGN_NOTES)]
 
 
 def _named(names: Sequence[str]) -> str:
@@ -343,4 +420,4 @@ def _named(names: Sequence[str]) -> str:
     for name in names:
         kind, _, axis = name.rpartition("_")
         axes.setdefault(kind, []).append(axis)
-    return "; ".join(f"{humanize(kind)} {', '.join(axis)}" for kind, axis in axes.items())
+    return several([f"{humanize(kind)} {', '.join(axis)}" for kind, axis in axes.items()], KINDS)

@@ -17,6 +17,10 @@ from mcnav.report.document.parts import Lines, Note, Part, Sentence, Verdict, jo
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.format import number
 from mcnav.report.names import humanize
+from mcnav.report.statements.words import several
+
+NAMED: Final = 2
+"""Numbers that a sentence names; the table has all."""
 
 TWICE: Final = FACTORS.index(2.0)
 
@@ -182,16 +186,14 @@ def _capital(text: str) -> str:
 
 def power(judgement: Judgement) -> tuple[str, ...]:
     """Say what this record could have shown, a sentence for what it shows and one for what it does not."""
-    shown = [
-        f"{humanize(cause.name)} {cause.noticed:g} times as large"
-        for cause in judgement.causes if cause.noticed is not None
-    ]  # fmt: skip
+    found = sorted((cause.noticed, humanize(cause.name)) for cause in judgement.causes if cause.noticed is not None)
+    shown = [f"{name} × {factor:g}" for factor, name in found]
     hidden = [humanize(cause.name) for cause in judgement.causes if cause.noticed is None]
     sentences = []
     if shown:
-        sentences.append(f"Found in 9 of 10 records of this length: {', '.join(shown)}.")
+        sentences.append(f"Found in 9 of 10 records of this length: {several(shown, NAMED)}.")
     if hidden:
-        sentences.append(f"Not found even {FACTORS[-1]:g} times as large in 9 of 10 records: {', '.join(hidden)}.")
+        sentences.append(f"Not found even {FACTORS[-1]:g} times as large in 9 of 10 records: {several(hidden, NAMED)}.")
     return tuple(sentences)
 
 

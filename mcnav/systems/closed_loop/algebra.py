@@ -391,7 +391,7 @@ def find_departures(
     )
     departs = np.zeros(count, dtype=np.bool_)
     if count:
-        x, entering, outcome = (np.ascontiguousarray(each)[:, None] for each in given)
+        x, entering, outcome = (np.ascontiguousarray(vector)[:, None] for vector in given)
         kept = np.ascontiguousarray(state), np.ascontiguousarray(inputs)
         _departs(*kept, about, shares, (x, entering, outcome), departs)
     return departs

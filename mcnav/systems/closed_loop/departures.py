@@ -123,7 +123,7 @@ def singular_corrections(setup: Setup, readings: LinearSystem, names: tuple[str,
     maps, told = setup.maps, []
     sigmas = sigmas_of(readings, setup.true.start)
     for number, impulse in enumerate(maps.impulses):
-        planned = [each.time for each in setup.schedule if number in each.corrections]
+        planned = [moment.time for moment in setup.schedule if number in moment.corrections]
         state = impulse.declared.apply
         if not planned or not isinstance(state, str) or planned[0] >= readings.times[-1]:
             continue

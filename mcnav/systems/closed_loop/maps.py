@@ -241,10 +241,10 @@ class Maps:
         returned = method(self.navigator_frame(x, time, sensed, with_white=self.navigate is None))
         named = isinstance(returned, Mapping)
         if self.navigate is None and named and not returned.keys() <= estimate.name_set:  # some are not estimated
-            returned = {name: each for name, each in returned.items() if name in estimate.names}
+            returned = {name: value for name, value in returned.items() if name in estimate.names}
         if structure.remembers and named:
-            remembered = {name: each for name, each in returned.items() if name in memory.names}
-            returned = {name: each for name, each in returned.items() if name not in remembered}
+            remembered = {name: value for name, value in returned.items() if name in memory.names}
+            returned = {name: value for name, value in returned.items() if name not in remembered}
             spread(memory, remembered, x.shape[1], "navigate", into=_from(result, memory.whole, begin))
         spread(estimate, returned, x.shape[1], "navigate", into=_from(result, estimate.whole, begin))
         for quantity, place in structure.markov.places():
@@ -256,7 +256,7 @@ class Maps:
     def _sensed(self, returned: Any) -> Any:
         if isinstance(returned, Mapping):
             return Values.given(
-                "sensed", {name: real_numbers(each, f"sense, {name},") for name, each in returned.items()}
+                "sensed", {name: real_numbers(value, f"sense, {name},") for name, value in returned.items()}
             )
         return real_numbers(returned, "sense")
 
@@ -315,7 +315,7 @@ class Maps:
         expected = sensor.truth(frame) if sensor.model is None else sensor.model(frame)
         where = f"measurement {quantity.name}"
         if sensor.attitude:
-            there, origin = (attitude_kept(each, count, where) for each in (measured, expected))
+            there, origin = (attitude_kept(attitude, count, where) for attitude in (measured, expected))
             difference = turn_between(there, origin, "body")
         else:
             difference = as_kept(measured, quantity, count, where) - as_kept(expected, quantity, count, where)
@@ -349,7 +349,7 @@ class Maps:
         else:
             changed = impulse.apply({"time": lambda: time, "truth": lambda: states, "impulse": lambda: given})
             if block is self.structure.estimate and isinstance(changed, Mapping):
-                changed = {name: each for name, each in changed.items() if name in block.names}
+                changed = {name: value for name, value in changed.items() if name in block.names}
         return spread(block, changed, x.shape[1], f"apply of {impulse.declared.name}", x[block.whole])
 
     def happen(self, number: int, x: Array, time: Array, noise: Array) -> Array:

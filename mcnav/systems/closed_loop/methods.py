@@ -46,7 +46,7 @@ def read_method(function: Any, where: str, known: Sequence[str], other: str = ""
     required = [
         parameter for parameter in parameters if parameter.default is inspect.Parameter.empty or parameter.name in known
     ]
-    names = tuple(each.name for each in required)
+    names = tuple(parameter.name for parameter in required)
     unknown = [name for name in names if name not in known]
     if other and len(unknown) == 1 and other not in names:
         renamed, given = unknown[0], function
@@ -56,7 +56,9 @@ def read_method(function: Any, where: str, known: Sequence[str], other: str = ""
             return given(**{renamed if name == other else name: value for name, value in values.items()})
 
         unknown = []
-    positional = all(each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY) for each in required)
+    positional = all(
+        parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY) for parameter in required
+    )
     if unknown or not positional:
         expected = f"it may name {', '.join(known)}"
         raise ScenarioError("type", f"{where} asks for {', '.join(unknown) or 'unnamed arguments'}; {expected}")

@@ -247,7 +247,7 @@ class _Flight:
         """Return a map about the nominal with its value."""
         space, none = self.maps.structure.space, np.zeros((len(self.x), 1))
         x, entering, ats = space.plus(self.x[:, None], none), np.zeros((len(inputs), 1)), np.array(at)[:, None]
-        value = function(*(np.repeat(each, BESIDE, axis=1) for each in (x, entering, ats)))[:, 0]
+        value = function(*(np.repeat(argument, BESIDE, axis=1) for argument in (x, entering, ats)))[:, 0]
         return FlownMap(group, function, self.x, at, inputs, where, to_x, value)
 
     def _take(self, map_: FlownMap) -> Array:

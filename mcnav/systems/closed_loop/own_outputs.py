@@ -87,7 +87,7 @@ def read_own_outputs(method: Method, frame: Frame, count: int, taken: Sequence[s
         if of and of[0] not in KINDS:
             raise ScenarioError("type", f"{method.where}: {name} is of {', '.join(KINDS)}; got {of[0]!r:.40}")
         kinds.append(cast(Of, of[0]) if of else default)
-    for each in (name for quantity in quantities for name in quantity.names):
-        if each in taken:
-            raise ScenarioError("type", f"{method.where}: the name {each!r} is taken by another output")
+    for component in (name for quantity in quantities for name in quantity.names):
+        if component in taken:
+            raise ScenarioError("type", f"{method.where}: the name {component!r} is taken by another output")
     return OwnOutputs(method, tuple(quantities), tuple(kinds))

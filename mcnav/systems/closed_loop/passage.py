@@ -111,7 +111,7 @@ class Passages:
         sequences, which = np.unique(self.events, axis=1, return_inverse=True)
         which = which.reshape(-1)
         return [
-            (tuple(each for each in sequence.tolist() if each >= 0), np.flatnonzero(which == number))
+            (tuple(event for event in sequence.tolist() if event >= 0), np.flatnonzero(which == number))
             for number, sequence in enumerate(sequences.T)
         ]
 

@@ -34,7 +34,7 @@ def read_maps(instance: Any, name: str, decay: Array | None = None, believed_dec
 
     Raises `ScenarioError` when a method is missing or asks for what there is not.
     """
-    structure, phases = read_structure(instance, name), tuple(each.name for each in phases_of(instance, name))
+    structure, phases = read_structure(instance, name), tuple(phase.name for phase in phases_of(instance, name))
     also = ("phase",) if phases else ()
 
     def method(attribute: str, known: tuple[str, ...]) -> Method | None:
@@ -117,7 +117,7 @@ def read_start(instance: Any, name: str, structure: Structure) -> Array:
             remembered = structure.memory if structure.remembers else Block("what is remembered", ())
             if isinstance(started, Mapping):
                 memory = {name: started[name] for name in remembered.names if name in started}
-                started = {name: each for name, each in started.items() if name not in memory}
+                started = {name: value for name, value in started.items() if name not in memory}
                 x[remembered.whole] = spread(remembered, memory, 1, "start")[:, 0]
             before = np.zeros((structure.truth.size, 1))
             x[structure.truth.whole] = spread(structure.truth, started, 1, "start", before)[:, 0]

@@ -529,9 +529,9 @@ class ClosedLoopScenario(PlainScenario):
     def nominal(self) -> History:
         """Return the nominal truth and commands at all instants."""
         planned = self.linearization.instants
-        x = np.array([self._start, *(each.nominal for each in planned)])
+        x = np.array([self._start, *(step.nominal for step in planned)])
         x = np.where(np.abs(x).max(axis=0) > ROUNDING * self.linearization.steps, x, 0.0)
-        times = np.array([0.0, *(each.instant.time for each in planned[:-1]), self.linearization.end_time])
+        times = np.array([0.0, *(step.instant.time for step in planned[:-1]), self.linearization.end_time])
         fresh = np.append(True, np.diff(times) > 0.0)
         columns, panels = {LABEL: times[fresh]}, []
         structure = self.maps.structure

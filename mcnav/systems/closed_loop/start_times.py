@@ -67,7 +67,7 @@ class Starts:
 
     def nearest(self, times: Array) -> list[int]:
         """Return the starts, by their place in ``numbers``, that are nearest to some times, each once."""
-        return [int(each) for each in np.unique(np.abs(self.times[:, None] - times).argmin(axis=0))]
+        return [int(place) for place in np.unique(np.abs(self.times[:, None] - times).argmin(axis=0))]
 
     def begins(self, numbers: Sequence[int]) -> dict[int, tuple[Begin, Start]]:
         """Return starts at instants by number, those of samples and of the linear engine, by their position."""

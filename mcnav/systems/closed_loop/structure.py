@@ -109,7 +109,7 @@ class Structure:
     def navigator(self) -> NDArray[np.intp]:
         """Places in X of what a navigator keeps: estimate and memory."""
         estimate, memory = self.estimate.whole, self.memory.whole
-        return np.concatenate([np.arange(each.start, each.stop) for each in (estimate, memory)])
+        return np.concatenate([np.arange(rows.start, rows.stop) for rows in (estimate, memory)])
 
     def navigation_errors(self, x: Array) -> Array:
         """Return ``x_hat - x``, shape (estimate.size, n), of attitudes as rotation vectors."""
@@ -201,7 +201,7 @@ class Structure:
             quantity = replace(quantity, axes=read_axes("command", command))
         begin = self.command.begin
         commands = Block("command", (quantity,), begin)
-        memories = (Quantity("memory", "1", tuple(str(each) for each in range(memory))),) if memory else ()
+        memories = (Quantity("memory", "1", tuple(str(number) for number in range(memory))),) if memory else ()
         kept = Block("memory", self.memory.quantities or memories, commands.whole.stop)
         impulses = tuple(
             replace(quantity, axes=read_axes(quantity.name, size))
@@ -229,13 +229,17 @@ def read_structure(instance: Any, name: str) -> Structure:
     white, markov = _read_processes(f"{name}.processes", instance.processes)
     memory = read_quantities(f"{name}.memory", instance.memory)
     (command,) = read_quantities(f"{name}.command", {"command": instance.command})
-    for each in (*parameters, *white, *markov, *memory, command):
-        if each.turns is not None:
-            raise ScenarioError("type", f"{name}: {each.name} is an Attitude, which only states can be; give its axes")
-    impulses = tuple(Quantity(each.name, each.noise) for each in _listed(instance, name, "corrections", Correction))
+    for quantity in (*parameters, *white, *markov, *memory, command):
+        if quantity.turns is not None:
+            raise ScenarioError(
+                "type", f"{name}: {quantity.name} is an Attitude, which only states can be; give its axes"
+            )
+    impulses = tuple(
+        Quantity(correction.name, correction.noise) for correction in _listed(instance, name, "corrections", Correction)
+    )
     for impulse in impulses:
         check_unit(f"{name}.corrections", impulse.unit, impulse.unit)
-    attitudes = [each.name for each in truth if each.turns is not None]
+    attitudes = [attitude.name for attitude in truth if attitude.turns is not None]
     for correction in instance.corrections:
         if correction.apply in attitudes:
             told = f"{name}.corrections: {correction.name} turns {correction.apply}; apply must be a function"
@@ -329,9 +333,9 @@ def measurements_of(instance: Any, name: str) -> tuple[Measurement, ...]:
 
 def _check_names(name: str, instance: Any, *groups: tuple[Quantity, ...]) -> None:
     names = [quantity.name for group in groups for quantity in group]
-    names += [each.name for each in measurements_of(instance, name)]
+    names += [measurement.name for measurement in measurements_of(instance, name)]
     taken = {"command", "final_time", "memory", "phase"}
-    taken |= {f"{each.name}_time" for each in (*instance.corrections, *phases_of(instance, name))}
+    taken |= {f"{moment.name}_time" for moment in (*instance.corrections, *phases_of(instance, name))}
     for each in names:
         if each in taken or each.startswith(("true_", "navigated_")):
             raise ScenarioError("type", f"{name}: the name {each!r} is taken, or begins with true_ or navigated_")

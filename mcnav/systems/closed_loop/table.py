@@ -271,7 +271,7 @@ class _Noise:
                 self.context.problem(key, f"unknown measurement{suggestion(name, list(sensors))}")
                 continue
             sensor = self.maps.sensors[sensors[name]]
-            axes = tuple(str(each) for each in range(1, sensor.size + 1))
+            axes = tuple(str(number) for number in range(1, sensor.size + 1))
             measurements[sensors[name]] = _read_axes(entry, Declared(sensor.declared.unit, axes), key, self.context)
         return replace(known, measurements=tuple(measurements))
 

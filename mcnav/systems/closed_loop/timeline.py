@@ -113,7 +113,9 @@ class LoopTransitions:
             for name, factor in entering(self.maps, self.sizes.true, step):
                 if factor.any():
                     by_process.setdefault(name, []).append((place, rows_of_errors(self.pairs, factor)))
-        return Steps(transitions, inputs, {name: _noise(each, len(chosen)) for name, each in by_process.items()})
+        return Steps(
+            transitions, inputs, {name: _noise(covariances, len(chosen)) for name, covariances in by_process.items()}
+        )
 
     def filter_steps_between(self, first: int, last: int) -> FilterSteps:
         """Return the filter's own steps: ``F = T A S``, ``Q = T G (T G)'`` in believed sizes."""
@@ -171,12 +173,12 @@ class LoopTimeline:
 
     @cached_property
     def _order(self) -> list[Transition | Innovation]:
-        return [each for planned in self.linear.instants for each in (*planned.steps, *planned.updates)]
+        return [event for planned in self.linear.instants for event in (*planned.steps, *planned.updates)]
 
     @cached_property
     def transitions(self) -> LoopTransitions:
         """All steps."""
-        steps = [each for each in self._order if isinstance(each, Transition)]
+        steps = [event for event in self._order if isinstance(event, Transition)]
         return LoopTransitions(self.maps, self.states, self.sizes, self.pairs, steps)
 
     @cached_property
@@ -216,10 +218,10 @@ class LoopTimeline:
             sigmas[place] = np.diag(true.markov[place.start - begin : place.stop - begin])
             factor = rows_of_errors(self.pairs, sigmas)
             noise[quantity.name] = factor @ factor.T
-        biases = {name: np.flatnonzero(np.diag(each)) for name, each in noise.items()}
+        biases = {name: np.flatnonzero(np.diag(covariance)) for name, covariance in noise.items()}
         return Timeline(
             Start(np.pad(started, ((0, 0), (0, 1))), noise),
-            np.array([isinstance(each, Innovation) for each in self._order], dtype=bool),
+            np.array([isinstance(event, Innovation) for event in self._order], dtype=bool),
             self.transitions.steps_between,
             Instants(self.times, self.before, self.after),
             self.read,
@@ -250,18 +252,18 @@ class LoopTimeline:
     @cached_property
     def _updates(self) -> Updates:
         structure, innovations = self.maps.structure, self._innovations
-        sizes = np.array([len(each.response) for _, each in innovations], dtype=np.int64)
+        sizes = np.array([len(innovation.response) for _, innovation in innovations], dtype=np.int64)
         most = int(sizes.max(initial=0))
         responses = np.zeros((len(sizes), most, structure.size))
         names = [sensor.declared.name for sensor in self.maps.sensors]
         variances = {name: np.zeros((len(sizes), most)) for name in names if name in self.processes}
         disturbances = np.zeros((len(sizes), most, len(structure.sources) + 1))
-        for row, (size, (time, each)) in enumerate(zip(sizes.tolist(), innovations, strict=True)):
-            disturbances[row, :size, -1] = -self.faults.get((each.number, time), 0.0)
-            responses[row, :size] = -columns_of_errors(self.pairs, each.response)
-            sigmas = self.sizes.true.measurements[each.number]
-            if names[each.number] in variances:
-                variances[names[each.number]][row, :size] = sigmas**2
+        for row, (size, (time, innovation)) in enumerate(zip(sizes.tolist(), innovations, strict=True)):
+            disturbances[row, :size, -1] = -self.faults.get((innovation.number, time), 0.0)
+            responses[row, :size] = -columns_of_errors(self.pairs, innovation.response)
+            sigmas = self.sizes.true.measurements[innovation.number]
+            if names[innovation.number] in variances:
+                variances[names[innovation.number]][row, :size] = sigmas**2
         return Updates(sizes, responses, disturbances, variances)
 
     @cached_property
@@ -272,9 +274,9 @@ class LoopTimeline:
         most = self._updates.responses.shape[1]
         responses = np.zeros((len(self._innovations), most, states.count))
         variances = np.zeros((len(self._innovations), most))
-        for row, (_, each) in enumerate(self._innovations):
-            sigmas = sized(self.maps, self.sizes.believed, each.number)
-            responses[row, : len(sigmas)] = -each.response @ states.moving
+        for row, (_, innovation) in enumerate(self._innovations):
+            sigmas = sized(self.maps, self.sizes.believed, innovation.number)
+            responses[row, : len(sigmas)] = -innovation.response @ states.moving
             variances[row, : len(sigmas)] = sigmas**2
         place, true_errors = np.zeros((states.size, states.count)), np.zeros((states.count, states.size))
         estimated = np.arange(states.estimated)

@@ -66,7 +66,7 @@ class WaitingMaps(Maps):
         """Propagate both parts by a step, or from one fraction of it to another; see `Maps.step`."""
         count = x.shape[1]
         times, of_time = np.unique(time, return_inverse=True)
-        beside = np.array([self.nominal[each] for each in times.tolist()])[of_time].T
+        beside = np.array([self.nominal[time] for time in times.tolist()])[of_time].T
         quiet = np.zeros_like(white)
         if np.any(since):
             beside = super().step(beside, time, length, quiet, since)

@@ -246,7 +246,7 @@ class AidedNavigation:
         Of probe samples, shape (n, sources), with noise, at all epochs after the start.
         """
         index = np.arange(min(len(probes), PROBES))
-        own, shared = (simulate_aided(tables, probes[:PROBES], 0, index, each) for each in (True, False))
+        own, shared = (simulate_aided(tables, probes[:PROBES], 0, index, apart) for apart in (True, False))
         good = (own.outcome == SOUND) & (shared.outcome == SOUND)
         sigma = self._own_sigma[1:]
         apart = np.abs(own.values - shared.values)[good, 1:]

@@ -509,7 +509,7 @@ class Ins(PlainScenario):
             *self.sources, *NOISE, *GRAVITY, *aiding_outputs(navigation.filter.beliefs.sensors),
             *flexure_rates(navigation.filter.beliefs.sensors),
         ]  # fmt: skip
-        units = {each.name: (each.unit, each.shown_in) for each in known}
+        units = {source.name: (source.unit, source.shown_in) for source in known}
         return filter_schema(navigation.sensors, navigation.filter, units)
 
     def filter_prediction(self) -> FilterPrediction | None:
@@ -766,7 +766,8 @@ class Ins(PlainScenario):
             for group in groups
         ]
         return Propagated(
-            np.concatenate([each.partials for each in read]), np.concatenate([each.covariances for each in read])
+            np.concatenate([reading.partials for reading in read]),
+            np.concatenate([reading.covariances for reading in read]),
         )
 
     def engine(self, engine: str, probes: Array) -> Engine:

@@ -322,7 +322,7 @@ class Reentry(PlainScenario):
     @property
     def outputs(self) -> tuple[Output, ...]:
         """Errors of the polar state, and further outputs."""
-        return (*DEVIATIONS, *(each.output for each in self.navigation.further))
+        return (*DEVIATIONS, *(further_output.output for further_output in self.navigation.further))
 
     @cached_property
     def _navigator(self) -> LinearNavigator:

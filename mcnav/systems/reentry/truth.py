@@ -166,7 +166,7 @@ class Trajectory:
     def forces(self, times: Array) -> Array:
         """Compute the specific forces (f_x, f_z) at many times, m/s^2, shape (n, 2); f_z is positive down."""
         coefficients = np.array([phase.coefficients for phase in self.phases])[self._numbers(times)]
-        return np.array([truth_force(*each) for each in zip(self.states(times), coefficients, strict=True)])
+        return np.array([truth_force(*pair) for pair in zip(self.states(times), coefficients, strict=True)])
 
     def shared(self, begin: float, phase: Phase, states: Array) -> Array:
         """Move states integrated along this truth, shape (4 n,), together: the first is the truth where a phase begins.

@@ -186,11 +186,11 @@ def _linear_near_zero(scenario: Scenario, prepared: Engine, errors: Array, sizes
             raise _Broken(f"a flight with {scale:g} of the errors failed: {next(iter(result.failures.values()))}")
         departure = np.abs(result.values - model.nominal - scale * errors @ model.partials.T)
         by_output.append((departure[:, moving] / (scale * spread[moving])).max(axis=0))
-    shares = [float(each.max()) for each in by_output]
-    large_most, small_most = (float((each / least[moving]).max()) for each in by_output)
+    shares = [float(shares_of_output.max()) for shares_of_output in by_output]
+    large_most, small_most = (float((shares_of_output / least[moving]).max()) for shares_of_output in by_output)
     if small_most > max(0.3 * large_most, 1.0):
         worst = int(np.argmax(by_output[1] / least[moving]))
-        large, small = (float(each[worst]) for each in by_output)
+        large, small = (float(shares_of_output[worst]) for shares_of_output in by_output)
         raise _Broken(
             f"{scenario.outputs[moving[worst]].name}: errors of {SMALLER:g} sigma depart from linear by {small:.1e} of "
             f"their effect, errors of {SMALL:g} sigma by {large:.1e}: there is a kink or a jump at zero, or noise"

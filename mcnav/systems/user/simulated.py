@@ -164,7 +164,7 @@ def record_of(
     names = [outputs[number] for number in known]
     for column, members in enumerate((names, *groups.values())):
         chosen = [names.index(name) for name in members]
-        of_group = errors[:, [known[each] for each in chosen]]
+        of_group = errors[:, [known[name] for name in chosen]]
         records[:, places["nees"].start + column] = _nees(of_group, covariance[:, chosen][:, :, chosen], epochs)
     covariance = spread_out(covariance, known, len(outputs))
     rows, columns = np.tril_indices(len(outputs))

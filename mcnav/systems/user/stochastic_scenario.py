@@ -150,7 +150,7 @@ class StochasticUserScenario(UserScenario):
             if not isinstance(name, str) or not NAME.fullmatch(name) or name in taken:
                 message = f"noise_covariance: {name!r} is not a name of letters, digits and _, or is that of a source"
                 raise ScenarioError("type", message)
-        return {name: self._covariance(name, each) for name, each in named.items()}
+        return {name: self._covariance(name, covariance) for name, covariance in named.items()}
 
     def _covariance(self, name: str, returned: Any) -> Array:
         """Check one covariance that the class returned."""
@@ -211,7 +211,7 @@ class StochasticUserScenario(UserScenario):
     def linear(self, times: Array | None = None) -> LinearSystem:
         """Return the linear system at the end, with the covariance of the noise; see `UserScenario.linear`."""
         model, size = super().linear(times).end, len(self.outputs)
-        noise = {name: each.reshape(-1, size, size)[-1] for name, each in self.noise.items()}
+        noise = {name: covariance.reshape(-1, size, size)[-1] for name, covariance in self.noise.items()}
         return LinearSystem.at_end(model.partials, model.nominal, noise)
 
     def engine(self, engine: str, probes: Array) -> Engine:
@@ -302,7 +302,7 @@ class TimedUserScenario(StochasticUserScenario):
         """Return the linear system at all epochs, or at so many, evenly chosen."""
         last = len(self.epochs.times) - 1
         chosen = np.unique(np.linspace(0, last, min(count or last + 1, last + 1)).round().astype(int))
-        processes = {name: each[chosen] for name, each in self.noise.items()}
+        processes = {name: covariance[chosen] for name, covariance in self.noise.items()}
         times, partials = self.epochs.times[chosen], self._partials_over_time[chosen]
         nominal = np.asarray(self._nominal.errors, dtype=float).reshape(len(self.epochs.times), -1)[chosen]
         return LinearSystem(times, partials, nominal, processes, label=self.epochs.label)

@@ -191,10 +191,10 @@ def test_mistakes_get_one_line(tmp_path: Path, changes: str, told: str) -> None:
         ("    end = Trigger(lambda truth, time: 1e-3 * (time - 8.0) + 1e-2 * truth.x, latest=50.0)\n",
          "the trigger grazes"),
         ("    def guide(self, estimate):\n        return np.clip(-0.2 * estimate.x - 0.6 * estimate.v, -0.5, 0.5)\n",
-         "something bends within the dispersion, such as a limit"),
+         "something bends within the spread, such as a limit"),
         ("    def guide(self, estimate):\n"
          "        return np.where(np.abs(estimate.x) < 3.0, 0.0, -0.2 * estimate.x) - 0.6 * estimate.v\n",
-         "something bends within the dispersion, such as a limit, a dead band"),
+         "something bends within the spread, such as a limit, a dead band"),
         ("    end = 40.0\n    def guide(self, estimate):\n        return 0.3 * estimate.x + 0.3 * estimate.v\n",
          "the loop diverges: the linear sigma of true_"),
         ("    measurements = (Measurement('ranging', 'm', lambda truth: truth.x, instants=[100.0]),)\n",

@@ -53,7 +53,9 @@ class PlanetAxes:
         """Position of the origin from the planet's centre, in these axes: -c, m, shape (3,)."""
         if self.site is None:
             return np.zeros(3)
-        return np.asarray(self.planet.from_geodetic(*(np.array(each) for each in self.site)) @ self.to_planet)
+        return np.asarray(
+            self.planet.from_geodetic(*(np.array(coordinate) for coordinate in self.site)) @ self.to_planet
+        )
 
     @cached_property
     def spin(self) -> Array:

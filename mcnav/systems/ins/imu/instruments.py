@@ -106,7 +106,7 @@ class Imu:
     @property
     def shortest_reading(self) -> float:
         """Shortest interval between readings of the instruments with quantization, s; infinite without."""
-        pairs = ((each.quantization, each.quantization_interval) for each in (self.gyro, self.accelerometer))
+        pairs = ((noise.quantization, noise.quantization_interval) for noise in (self.gyro, self.accelerometer))
         return min(float(np.where(size > 0.0, interval, np.inf).min()) for size, interval in pairs)
 
 

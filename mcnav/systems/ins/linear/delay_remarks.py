@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav.arrays.products import map_covariances
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import AXES, CONSTANTS
@@ -64,7 +65,8 @@ def _not_small(loop: ClosedLoop, readings: IndexArray, number: int, size: float)
     design = loop.designed(loop.positions(readings, np.ones(len(readings))))
     covariances = design.covariances[last >= 0][places][:, :NAVIGATION, :NAVIGATION]
     rows = measured.rows[updates[chosen]]
-    sigma = np.sqrt(np.maximum(np.einsum("uci,uij,ucj->uc", rows, covariances, rows), 0.0))
+    variances = np.diagonal(map_covariances(rows, covariances), axis1=1, axis2=2)
+    sigma = np.sqrt(np.maximum(variances, 0.0))
     beyond = 0.5 * np.abs(_curvatures(loop, sensor, times[chosen])) * size**2
     count = len(sensor.components)
     ratios = np.divide(beyond, sigma, out=np.zeros_like(beyond), where=sigma > 0.0)[:, :count]

@@ -37,7 +37,7 @@ class LocalFrame:
     @classmethod
     def at(cls, earth: Earth, position: Array) -> LocalFrame:
         """Compute the frame at an earth-fixed position, shape (3,)."""
-        latitude, longitude, altitude = (float(each) for each in earth.to_geodetic(position[None])[0])
+        latitude, longitude, altitude = (float(coordinate) for coordinate in earth.to_geodetic(position[None])[0])
         meridian, prime = (float(radius) for radius in earth.curvature_radii(np.asarray(latitude)))
         east = 1.0 / (prime + altitude)
         turn = np.array(

@@ -165,7 +165,7 @@ class Mechanization:
             raise ValueError(f"errors must have shape ({len(CONSTANTS)},), one for each constant; got {errors.shape}")
         if not np.all(np.isfinite(errors)):
             raise Diverged("the sample has errors that are not finite")
-        noises = [np.zeros((steps, 3)) if each is None else each for each in (gyro_noise, accelerometer_noise)]
+        noises = [np.zeros((steps, 3)) if noise is None else noise for noise in (gyro_noise, accelerometer_noise)]
         for noise in noises:
             if noise.shape != (steps, 3):
                 raise ValueError(f"noise must have shape ({steps}, 3), one row for each step; got {noise.shape}")

@@ -46,7 +46,7 @@ def _suffixes(axes: bool = True) -> Iterator[tuple[str, str]]:
                 yield from ((f"{label}_{error}{axis}".removeprefix("_"), unit) for axis in ("", *names))
         for offset in kind.offsets:
             along, unit, *_ = OFFSETS[offset]
-            yield from ((f"{offset}{axis}", unit) for axis in ("", *(f"_{each}" for each in along if axes)))
+            yield from ((f"{offset}{axis}", unit) for axis in ("", *(f"_{axis_along}" for axis_along in along if axes)))
         if kind.delays:
             yield "delay", DELAY[0]
         if kind.lever_arm:

@@ -82,7 +82,7 @@ def _read_outages(entry: object) -> tuple[Span, ...]:
     for number, pair in enumerate(entry):
         if not isinstance(pair, list) or len(pair) != 2:
             raise refuse([Mistake(expected, (number,))])
-        begin, end = (_read_time(each, number, mistakes) for each in pair)
+        begin, end = (_read_time(entry, number, mistakes) for entry in pair)
         if end <= begin:
             mistakes.append(Mistake(f"got {pair[0]!r} to {pair[1]!r}; expected an end after its begin", (number,)))
         outages.append((begin, end))

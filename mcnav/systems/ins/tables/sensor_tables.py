@@ -99,7 +99,7 @@ class MeasuresOne:
     @property
     def schema(self) -> Mapping[str, object]:
         """See `Rule`."""
-        return {"anyOf": [{"required": [each]} for each in (*self.quantities, "log")]}
+        return {"anyOf": [{"required": [key]} for key in (*self.quantities, "log")]}
 
 
 class NamedTable(Table):
@@ -254,7 +254,7 @@ def _sensor_table(kind: SensorType) -> type[SensorTable]:
         refused=_refused(kind),
         type=(Annotated[Literal[kind.name], Field(description=kind.words)], ...),
         **_errors(kind),
-        **{key: _further(each) for key, each in kind.further.items()},
+        **{key: _further(entry) for key, entry in kind.further.items()},
     )
 
 

@@ -131,7 +131,7 @@ def errors_of(table: Table, kind: SensorType) -> SensorErrors:
         )
         process = getattr(table, kind.key(measured, "correlated"), None) or CorrelatedTable()
         none = np.full(count, np.nan)
-        sigma, time = (none if each is None else each for each in (process.sigma, process.correlation_time))
+        sigma, time = (none if stated is None else stated for stated in (process.sigma, process.correlation_time))
         sizes[measured] = ErrorSizes(noise, bias, scale, sigma, time)
     return SensorErrors(
         sizes, given("lever_arm", 3), given("lever_arm_error", 3), getattr(table, "flexure", None),
@@ -167,5 +167,5 @@ def check_measured(
             value = entry[name]
             tables = list(value.values()) if error == "correlated" and isinstance(value, dict) else [value]
             unmeasured = {axis for axis, known in zip(names, axes, strict=True) if not known}
-            for axis in sorted(unmeasured & {each for table in tables if isinstance(table, dict) for each in table}):
+            for axis in sorted(unmeasured & {key for table in tables if isinstance(table, dict) for key in table}):
                 context.problem(f"{at}.{axis}", f"{quantity} {axis} is not measured; leave it out")

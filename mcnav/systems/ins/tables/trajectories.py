@@ -238,7 +238,9 @@ def _from_sway(
 ) -> TrajectorySpec | None:
     at = table.sway
     moving = [(name, getattr(at, name)) for name in (*ANGLES, *SHIFTS)]
-    oscillations = tuple((name, Oscillation(each.amplitude, each.period)) for name, each in moving if each is not None)
+    oscillations = tuple(
+        (name, Oscillation(motion.amplitude, motion.period)) for name, motion in moving if motion is not None
+    )
     sway = Sway(at.latitude, at.longitude, at.altitude, at.heading, at.duration, oscillations)
 
     def fly() -> tuple[Truth, TrajectoryRows]:

@@ -113,7 +113,9 @@ class Boost:
                 share = elapsed / stage.burn
                 size = 1.0 / ((1.0 - share) / stage.first + share / stage.last)
                 before = support if number == 0 else 0.0
-                onset, end = (float(blend(np.array(min(each / RAMP, 1.0)))) for each in (elapsed, stage.burn - elapsed))
+                onset, end = (
+                    float(blend(np.array(min(duration / RAMP, 1.0)))) for duration in (elapsed, stage.burn - elapsed)
+                )
                 return (before + (size - before) * onset) * end
         return 0.0
 
@@ -151,7 +153,7 @@ class Launch:
     def site(self) -> Array:
         """Earth-fixed position of the launch site, shape (3,)."""
         boost = self.boost
-        place = (np.array(each) for each in (boost.latitude, boost.longitude, boost.altitude))
+        place = (np.array(coordinate) for coordinate in (boost.latitude, boost.longitude, boost.altitude))
         return self.earth.from_geodetic(*place)
 
     @property

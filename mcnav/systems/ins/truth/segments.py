@@ -281,7 +281,7 @@ def _moving(start: Start, what: str) -> float:
 
 def gravity_at(start: Start, earth: Earth) -> float:
     """Compute the size of gravity, m/s^2, centrifugal acceleration included."""
-    place = (np.array(each) for each in (start.latitude, start.longitude, start.altitude))
+    place = (np.array(coordinate) for coordinate in (start.latitude, start.longitude, start.altitude))
     position = earth.from_geodetic(*place)
     carried = earth.rotation_rate**2 * position * [1.0, 1.0, 0.0]
     return float(np.linalg.norm(earth.gravitation(position[None])[0] + carried))

@@ -64,11 +64,11 @@ class Sway:
 
 def sway_rows(sway: Sway, earth: Earth) -> TrajectoryRows:
     """Compute the rows of a swaying base."""
-    periods = [each.period for _, each in sway.oscillations]
+    periods = [oscillation.period for _, oscillation in sway.oscillations]
     rate = max(FEWEST_ROWS, *(ROWS_OF_PERIOD / period for period in periods)) if periods else FEWEST_ROWS
     times = np.linspace(0.0, sway.duration, int(np.ceil(sway.duration * rate)) + 1)
     values = dict.fromkeys((*ANGLES, *SHIFTS), np.zeros_like(times))
-    values |= {name: each.at(times) for name, each in sway.oscillations}
+    values |= {name: oscillation.at(times) for name, oscillation in sway.oscillations}
     meridian, prime = earth.curvature_radii(np.array(sway.latitude))
     cosine, sine = np.cos(sway.heading), np.sin(sway.heading)
     north = cosine * values["surge"] - sine * values["drift"]

@@ -17,7 +17,7 @@ from mcnav.systems.reentry.outputs import DEVIATIONS, SCALE, append_errors
 def outputs_of(navigation: GuidedNavigation) -> tuple[Output, ...]:
     """Return the outputs: navigation errors and further ones, then those of the truth."""
     altitude = (TRUE_ALTITUDE,) if navigation.guidance.final == "indicated" else ()
-    return (*DEVIATIONS, *(each.output for each in navigation.further), *altitude, *TRUTH_OUTPUTS)
+    return (*DEVIATIONS, *(further_output.output for further_output in navigation.further), *altitude, *TRUTH_OUTPUTS)
 
 
 def _from_reentry(navigation: GuidedNavigation, times: Array) -> Array:

@@ -224,13 +224,13 @@ def _first_beyond(flown: FlownPhase, within: Callable[[Array], Array]) -> FlownP
 
 def largest_force(flight: list[FlownPhase]) -> float:
     """Compute the largest size of the specific force over a flight, m/s^2, also between the ends of steps."""
-    forces = [each.forces() for each in flight]
+    forces = [phase.forces() for phase in flight]
     largest = most = max(float(force.max()) for force in forces)
-    for each, sizes in zip(flight, forces, strict=True):
+    for phase, sizes in zip(flight, forces, strict=True):
         padded = np.pad(sizes, 1, constant_values=-np.inf)
         top = (sizes >= padded[:-2]) & (sizes >= padded[2:]) & (sizes >= NEAR_THE_PEAK * largest)
         for step in np.flatnonzero(top[:-1] | top[1:]):
-            most = max(most, _largest_within(each, int(step)))
+            most = max(most, _largest_within(phase, int(step)))
     return most
 
 

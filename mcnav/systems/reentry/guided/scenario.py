@@ -190,7 +190,7 @@ class GuidedReentry(PlainScenario):
         return LinearSystem(
             (times + since) / 60.0,
             propagate(timeline, None, timeline.positions(times)).partials[:, :, :-1],
-            np.array([read_nominal(flight, *each) for each in zip(readings, states, strict=True)]),
+            np.array([read_nominal(flight, *pair) for pair in zip(readings, states, strict=True)]),
             label=HISTORY_TIME,
             origin=origin_of(navigation, states),
         )
@@ -247,7 +247,7 @@ class GuidedReentry(PlainScenario):
         )
         flight = self._flight
         told = (limited_lift, doubtful_end, rival_maxima)
-        return (*departing, *(words for each in told for words in each(flight, covariance)))
+        return (*departing, *(words for remark in told for words in remark(flight, covariance)))
 
     def nominal(self) -> History:
         """Tabulate the nominal flight against time from reentry."""
