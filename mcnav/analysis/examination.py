@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from mcnav.analysis.combinations import FixedCombination, fixed_combinations
 from mcnav.analysis.comparison import Model
@@ -195,7 +195,7 @@ class _Bounded:
         """Average over pairs of rows, shape (n, k); rows 2 j and 2 j + 1 are a pair."""
         pairs = 0.5 * (squares[0::2] + squares[1::2])
         count = len(pairs)
-        half = stats.t.ppf(CONFIDENCE, count - 1) * pairs.std(axis=0, ddof=1) / math.sqrt(count)
+        half = special.stdtrit(count - 1, CONFIDENCE) * pairs.std(axis=0, ddof=1) / math.sqrt(count)
         return cls(pairs.mean(axis=0), half)
 
     def __add__(self, other: _Bounded) -> _Bounded:

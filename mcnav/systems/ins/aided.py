@@ -411,7 +411,7 @@ class AidedEngine:
     filter: FilterSchema
     own: bool
     accuracy: str
-    parallel: str = "threads"
+    parallel: str = "processes"  # Python holds the interpreter's lock
     noisy: bool = True
     smoothing: SmootherTables | None = None
 

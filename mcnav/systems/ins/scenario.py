@@ -348,7 +348,7 @@ class ReferenceEngine:
 
     navigation: Navigation
     accuracy: str = "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s"
-    parallel: str = "threads"
+    parallel: str = "processes"  # Python holds the interpreter's lock
     chunk: int = REFERENCE_CHUNK
     noisy: bool = True
     filter: FilterSchema | None = None
