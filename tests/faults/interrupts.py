@@ -63,7 +63,9 @@ CASES: Final = {
     "terminated": Case(RUN, "aided", "mcnav.runner.chunks.write_chunk", 2, signal.SIGTERM),
     "summary": Case(RUN, "aided, summary", "mcnav.workflow.run.analyse"),
     "report": Case(RUN, "aided", "mcnav.report.pages.run.page.render"),
-    "lincov": Case(("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.linear_answers._linearize"),
+    "lincov": Case(
+        ("lincov", "navigation.toml", "--out", "linear"), "aided", "mcnav.studies.linear_answers._linearize"
+    ),
     "sweep": Case(SWEEP, "free", "mcnav.studies.sweep_points.LinearPoints._answers", 2),
     "confirming": Case((*SWEEP, "--confirm", "2"), "free", "mcnav.runner.chunks.simulate_batch"),
 }
