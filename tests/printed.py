@@ -15,7 +15,7 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tests.commands import invoke
 from tests.sentences import printed_sentences
