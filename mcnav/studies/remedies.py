@@ -44,7 +44,6 @@ from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.remedy_changes import Change, changes_of_filter, changes_of_numbers, changes_of_sensors
 from mcnav.studies.simulated_campaigns import MOST_SAMPLES, simulated
 from mcnav.workflow.analyse import analyse, write_results
-from mcnav.workflow.replay import campaign_of
 from mcnav.workflow.stored_remedies import keep_remedies
 
 RETUNED: Final = 3
@@ -290,6 +289,8 @@ def all_remedies(
     if manifest.identity.code is not None and campaign_file is None:
         stored = Document(tomllib.loads(content.campaign), str(folder.path / CAMPAIGN), content.summary.campaign)
         return remedies_of_run(content, (stored, IN_FOLDER), True, jobs, progress, simulate=False)
+    from mcnav.workflow.replay import campaign_of  # with pandas, which what is not simulated does not need
+
     described = document_and_place(campaign_of(folder, manifest, campaign_file)[0])
     return remedies_of_run(content, described, True, jobs, progress)
 
