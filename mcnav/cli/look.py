@@ -56,7 +56,7 @@ def report(
 
     for folder in folders:
         if remedies:
-            from mcnav.studies.remedies import add_remedies
+            from mcnav.studies.run_remedies import add_remedies
 
             with progress.shown(err) as shown:
                 add_remedies(folder, campaign, jobs, shown)

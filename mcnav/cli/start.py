@@ -89,7 +89,7 @@ def run(
     from mcnav.config.read import read_campaign
     from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
-    from mcnav.studies.remedies import advise_run
+    from mcnav.studies.run_remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
@@ -184,7 +184,7 @@ def _run_example(campaign: Path) -> None:
     from mcnav.report.terminal import answer_screen, progress
     from mcnav.runner.executors import open_executor
     from mcnav.store.run_folder import RunFolder
-    from mcnav.studies.remedies import advise_run
+    from mcnav.studies.run_remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     content = read_campaign(campaign, {})

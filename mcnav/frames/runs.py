@@ -45,7 +45,7 @@ from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.linear_answers import read_times
-from mcnav.studies.remedies import advise_run
+from mcnav.studies.run_remedies import advise_run
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
 from mcnav.systems.user.conformance import Check
 from mcnav.workflow import run as workflow

@@ -15,7 +15,7 @@ from mcnav.report.pages.brief import Links, page
 from mcnav.runner.executors import JOBS
 from mcnav.store.run_files import REPORT
 from mcnav.store.run_folder import RunFolder
-from mcnav.studies.remedies import all_remedies
+from mcnav.studies.run_remedies import all_remedies
 from mcnav.workflow.analyse import analyse
 
 HTML, SLIDE, SHEET = "brief.html", "slide.pdf", "brief.pdf"
@@ -37,7 +37,7 @@ def write_brief(
     target : Path
         Folder of the three files.
     campaign, jobs
-        As for `mcnav.studies.remedies.all_remedies`.
+        As for `mcnav.studies.run_remedies.all_remedies`.
 
     Raises
     ------

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -24,11 +24,13 @@ from mcnav.analysis.what_if import WhatIf
 from mcnav.config.documents import Document
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.contract.quantities import Source
-from mcnav.report.results.model import RunAnalysis
 from mcnav.studies.changeable_content import changeable_content
 from mcnav.studies.remedy_changes import Change, written
 from mcnav.systems.registry import is_code
 from mcnav.workflow.what_if import what_if_of_answer, what_if_of_run
+
+if TYPE_CHECKING:
+    from mcnav.report.results.model import RunAnalysis
 
 NAMED: Final = 0.02
 """Share of what a filter misses from which on a kind of errors is named."""

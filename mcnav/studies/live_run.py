@@ -17,7 +17,7 @@ from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
 from mcnav.execution.progress import Phase
 from mcnav.linear.partials import SimulationFailed
 from mcnav.report.pages.live import Confirmation, verdicts
-from mcnav.studies.remedies import advise_run
+from mcnav.studies.run_remedies import advise_run
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_summary import stored_summary
 

@@ -11,15 +11,14 @@ import numpy as np
 
 from mcnav.analysis.requirements import requirements_from
 from mcnav.arrays.types import Array
-from mcnav.config.read import Campaign, read_campaign
+from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.failure import OK
 from mcnav.contract.history import Epochs, History
 from mcnav.contract.quantities import Output
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_replay
-from mcnav.entries.context import EarlierFile
-from mcnav.errors import CampaignError, Problem, RunFolderError, reading_file, shortened
+from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.threads import one_thread
 from mcnav.files.whole import INPUTS, read_whole, write_whole
 from mcnav.linear.at_epochs import linear_at_epochs
@@ -30,7 +29,7 @@ from mcnav.report.columns.requirements import NamedRequirement, stated
 from mcnav.report.names import humanize
 from mcnav.report.pages.replay import Outcome, Replay, files
 from mcnav.runner.draws import DrawPlan
-from mcnav.runner.identity import DrawnRun, identity_of
+from mcnav.runner.identity import DrawnRun
 from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.soundness import isolated
 from mcnav.runner.worker_processes import end_workers
@@ -44,12 +43,12 @@ from mcnav.store.chunk_files import (
     verify_chunk,
 )
 from mcnav.store.manifest import ExceedanceRecord, Manifest
-from mcnav.store.run_files import CAMPAIGN, MANIFEST
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
 from mcnav.workflow.exceedance import fly_way_to_fail, has_noise
 from mcnav.workflow.recorded_model import linear_model
+from mcnav.workflow.stored_campaign import campaign_of
 
 STORED: Final = "stored"
 
@@ -261,36 +260,6 @@ def as_stored(result: Replay) -> bool:
     if stored.label != STORED:
         return True
     return stored.status == again.status and np.allclose(stored.values, again.values, 1e-9, 0.0, equal_nan=True)
-
-
-def campaign_of(folder: RunFolder, manifest: Manifest, file: Path | None) -> tuple[Campaign, str]:
-    """Read the campaign of a run and its engine's name; refuse a campaign that is not the run's."""
-    then = manifest.identity
-    with reading_file(folder.path / MANIFEST):
-        given = {key: then.campaign[key] for key in ("samples", "seed")}
-    given["store"] = then.campaign.get("store", "samples")
-    if file is None:
-        folder.campaign()  # refuses a pipe, which may have no end
-    path = folder.path / CAMPAIGN if file is None else file
-    earlier = {
-        record.setting: EarlierFile(record.sha256, folder.copy_of(record) if record.copied else None)
-        for record in manifest.files
-        if record.setting is not None
-    }
-    campaign = read_campaign(path, given, execute=file is not None, earlier=earlier)
-    with one_thread():
-        now = identity_of(campaign.resolved, then.engine, campaign.code, campaign.inputs(), campaign.scenario)
-    if (now.campaign, now.code) != (then.campaign, then.code):
-        raise RunFolderError(f"{path}: is not the campaign that was flown in {folder.path}")
-    changed = next((name for name, _ in sorted(then.files.items() ^ now.files.items())), None)
-    if changed is not None:
-        change = f"{changed} was {then.files.get(changed, 'absent')}, is {now.files.get(changed, 'absent')}"
-        record = next((record for record in manifest.files if record.name == changed and record.copied), None)
-        copy = folder.copy_of(record) if record is not None else None
-        remedy = "restore the file" if copy is None else f"restore the file from {copy}, or declare it as a setting"
-        made = f"{folder.path} was made ({shortened(change)})"
-        raise RunFolderError(f"{path}: reads other files than when {made}; {remedy}")
-    return campaign, then.engine
 
 
 def _revision_note(manifest: Manifest, campaign: Campaign) -> tuple[str, ...]:

@@ -276,7 +276,7 @@ def _aided(folder: Path, _: Callable[[str], Path]) -> Path:
     """Ten minutes with a turn and an outage, and a filter that neglects scale factors."""
     shutil.copy(ROOT / "campaigns" / "flight.csv", folder)
     (folder / "aided.toml").write_text(AIDED.replace("NAME", NAME.replace("\\", "\\\\")), encoding="utf-8")
-    run_campaign(mcnav.read_campaign(folder / "aided.toml"), folder / "run", "ensemble", 2)
+    mcnav.run(folder / "aided.toml", folder / "run")
     return folder / "run" / "report.html"
 
 

@@ -68,5 +68,7 @@ def test_values_within_an_outage(browser: Browser, report: Path) -> None:
         tip.wait_for(state="visible")
         told = tip.inner_text()
         assert "outage of gnss: 8.33 to 10 min" in told
-        assert "filter's own, ±3σ" in told
+        for series in ("linear", "Monte Carlo", "filter"):
+            assert re.search(rf"^{series}: −(\S+) m\n{series}: \1 m$", told, re.MULTILINE), series  # both lines at 3σ
         assert "samples" not in told
+        assert "error, ±3σ" in plot.text_content()

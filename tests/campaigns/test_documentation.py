@@ -300,7 +300,7 @@ def test_requirements_in_report_index_summary_and_notebook(tmp_path: Path) -> No
     least = min(entry.limits[0] / (entry.estimate or 0.0) for entry in results.requirements)
     farthest = max(results.sigma_ratio_paired, key=lambda ratio: abs(math.log(ratio or 0.0)))
     assert f'<td data-name="margin">{number(least, 4)}<br>' in index
-    assert f'<td data-name="worst ratio">{number(farthest, 5)}<br>' in index
+    assert f'<td data-name="linear ratio">{number(farthest, 5)}<br>' in index
     run = mcnav.open_run(tmp_path / "run")
     assert repr(run) == f"test: {no} {yes}"
     shown = run._repr_html_()

@@ -173,7 +173,7 @@ def test_the_command(tmp_path: Path) -> None:
     assert "min of the trajectory" in finished.output
     page = (tmp_path / "found" / "start_times.html").read_text(encoding="utf-8")
     assert "reentry" not in page
-    assert page.count("<figure") == 10
+    assert page.count("<figure") == 11  # the first screen repeats one
     assert "Start, min of the trajectory" in page
     frame = pd.read_csv(tmp_path / "found" / "start_times.csv")
     np.testing.assert_allclose(frame["start [s]"], np.linspace(20.0, END - SHORTEST, 9), rtol=1e-12)

@@ -120,7 +120,11 @@ def test_the_failing_part_comes_first(options: tuple[str, ...], tmp_path: Path) 
         assert then.startswith("Every sigma from 4,000 samples is within")
     assert found.summary["verdict_matrix"] == "differs"
     assert found.page.index('id="figure-combination"') < found.page.index('<details class="fold"')
-    assert "Samples along second − 3 first" in html.unescape(found.page)
+    page = html.unescape(found.page)
+    assert "Samples along the thinnest direction" in page
+    along = re.search(r"Sigma along the thinnest direction: (\S+) cm simulated, 0 cm linear\.", page)
+    assert along is not None
+    assert float(along[1]) == pytest.approx(2.0 * 2.0**0.5, rel=0.12)
 
 
 def test_outputs_without_partial_derivatives_say_why(tmp_path: Path) -> None:

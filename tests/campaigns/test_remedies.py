@@ -17,7 +17,7 @@ from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.verdicts import statements
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.linear_answers import answer_linearly
-from mcnav.studies.remedies import advise_run, all_remedies
+from mcnav.studies.run_remedies import advise_run, all_remedies
 from mcnav.workflow.analyse import analyse
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_remedies import stored_remedies

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -359,9 +360,13 @@ def _of_resolution(axis: AxisReport) -> Iterator[str]:
 
 
 def _close(candidates: Sequence[Candidate]) -> str:
-    first, second = (model_words(candidate.model) for candidate in candidates[:2])
-    margin = candidates[1].criterion - candidates[0].criterion
-    return f"{first} is ahead of {second} by {margin:.2g} only: the record hardly tells them apart"
+    """Name what the next model has that the best one has not, or has not and the best one has."""
+    best, other = (
+        Counter(WORDS[process.size] for process in candidate.model.processes) for candidate in candidates[:2]
+    )
+    more, fewer = (", ".join((left - right).elements()) for left, right in ((other, best), (best, other)))
+    change = f"with {more} in place of {fewer}" if more and fewer else f"with {more}" if more else f"without {fewer}"
+    return f"the model fits almost as well {change}"
 
 
 def _grade_parts(report: IdentificationReport) -> list[Part]:

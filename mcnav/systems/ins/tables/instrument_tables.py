@@ -152,8 +152,8 @@ INSTABILITY: Final = Field(
     "or allan_minimum in place of sigma, 0.617 of it."
 )
 QUANTIZATION: Final = Field(
-    description="White error Q of each reading of the accumulated angle or velocity, as in IEEE Std 952: its Allan "
-    "deviation is sqrt(3) Q / tau. Or { step = …, interval = … }."
+    description="White error Q of the accumulated angle or velocity (IEEE 952): its Allan deviation is sqrt(3) Q / tau."
+    " Or { step = …, interval = … }."
 )
 
 

@@ -34,6 +34,10 @@ LEFT: Final = "A run does not wait for {} more: {} computes them."
 WITHHELD: Final = "Withheld, because samples did not confirm it: {}."
 CODE_FILTER: Final = "What the filter models is in the code of the scenario. Let it estimate or consider {}."
 TONES: Final = dict.fromkeys(CONFIRMING, "agrees") | dict.fromkeys(REFUTING, "differs")
+UNKNOWN: Final = "None known: see why"
+LONGEST: Final = 14
+"""Most words of a reason that the first screen gives; the section has it in full."""
+
 NAMED: Final = 3
 """Remedies that are named where they are withheld."""
 
@@ -106,7 +110,8 @@ def fix(remedies: Remedies | None, outputs: Outputs) -> Markup | str:
     if remedies is None:
         return ""
     if remedies.best is None:
-        return LINK(f"{remedies.reason[:1].upper()}{remedies.reason[1:]}.")
+        reason = f"{remedies.reason[:1].upper()}{remedies.reason[1:]}."
+        return LINK(reason if len(reason.split()) <= LONGEST else UNKNOWN)
     best = remedies.best
     return Markup("{}: {}. {}").format(LINK(_first_up(best.words)), effect(remedies, outputs), COPY(best.campaign))
 
