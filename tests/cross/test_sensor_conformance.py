@@ -317,11 +317,3 @@ def test_a_file_names_what_it_defines(names: dict[str, object], message: str) ->
 def test_two_files_cannot_define_one_name() -> None:
     with pytest.raises(ValueError, match="'altitude' is defined twice in mcnav/systems/ins/sensors; give one another"):
         check_names(["altitude", "heading", "altitude"])
-
-
-def test_a_kind_without_an_innovation_is_no_number() -> None:
-    """A kernel that is given one ends its samples."""
-    measured = tabulated((sensor_of("altitude", np.array([700.0])),))
-    unknown = replace(measured, kinds=measured.kinds + len(QUANTITIES))
-    none = np.zeros(3)
-    assert np.isnan(innovations_and_rows(unknown, none, none, none)[0]).all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 import pytest
@@ -98,9 +100,15 @@ def test_innovations_called_by_address_have_the_bits_of_those_chosen_by_kind() -
     turn[:] = np.roll(rotations.as_quat(), 1, axis=1).T
     turned[:] = (rotations.as_matrix() - np.eye(3)).reshape(LANES, 9).T
     moved[:], three[:] = random.standard_normal((6, LANES)), random.standard_normal((3, LANES))
-    both_ways((places_of(found), found.kinds, found.sizes), tables, moved, (turn, turned, three), out)
+    places, rooms = places_of(found), (turn, turned, three)
+    both_ways((places, found.kinds, found.sizes), tables, moved, rooms, out)
     assert np.isfinite(out).all()
     np.testing.assert_array_equal(out[:, 0], out[:, 1])
+    none = replace(found, kinds=found.kinds + len(INNOVATIONS))  # kinds without an innovation are no number either way
+    both_ways((places, none.kinds, none.sizes), tables, moved, rooms, out)
+    assert np.isnan(out[:, 1]).all()
+    with pytest.raises(IndexError):
+        places_of(none)
 
 
 def test_responses_are_those_along_the_truth_where_they_do_not_depend_on_the_attitude() -> None:
