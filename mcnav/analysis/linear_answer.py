@@ -14,6 +14,7 @@ from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.comparison import Model
 from mcnav.analysis.examination import Examination, Linearity
+from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.floor import CANCELLED
 from mcnav.analysis.gates import GateAnswer
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
@@ -146,6 +147,12 @@ class LinearAnswer:
     kind: str = ""
     remarks: tuple[str, ...] = ()
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def fails(self) -> bool:
+        """Return whether a requirement is not met, or the filter is at odds with the truth."""
+        departs = self.filter is not None and self.filter.verdict in (Honesty.OPTIMISTIC, Honesty.PESSIMISTIC)
+        return departs or any(requirement.judged and not requirement.met for requirement in self.requirements)
 
     def _repr_html_(self) -> str | None:
         """Show verdict, requirements, sigmas with their causes, and errors over time, in a notebook."""

@@ -153,7 +153,7 @@ def case_of_answer(campaign: Campaign, answer: LinearAnswer) -> Case | None:
     judged = answer.filter
     unmet = any(row.judged and not row.met for row in answer.requirements)
     departs = judged is not None and judged.verdict in DEPARTING
-    if not unmet and not departs:
+    if not answer.fails:
         return None
     document, beside = document_and_place(campaign)
     what_if = what_if_of_answer(as_read(answer), document.content, beside)

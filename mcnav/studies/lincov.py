@@ -30,7 +30,6 @@ from mcnav.report.pages.lincov_page import page
 from mcnav.report.statements.lincov import final_nominal
 from mcnav.studies.changeable_content import changeable_content
 from mcnav.studies.linear_answers import linear_covariance, outages_of
-from mcnav.studies.remedies import remedies_of_answer
 from mcnav.workflow.what_if import what_if_of_answer
 
 FILE: Final = "lincov.json"
@@ -48,8 +47,12 @@ def write_lincov(
 
     ``all_remedies``: whether all that would help is computed where something fails, and not the first alone.
     """
-    covariance = linear_covariance(campaign, times, examine)
-    written = page_html(lincov_page(campaign, covariance, remedies_of_answer(campaign, covariance, all_remedies)))
+    covariance, remedies = linear_covariance(campaign, times, examine), None
+    if covariance.fails:
+        from mcnav.studies.remedies import remedies_of_answer  # half a second, which answers that hold do without
+
+        remedies = remedies_of_answer(campaign, covariance, all_remedies)
+    written = page_html(lincov_page(campaign, covariance, remedies))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
 

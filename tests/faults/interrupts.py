@@ -53,7 +53,7 @@ class Case:
 
 
 CASES: Final = {
-    "importing": Case(RUN, "free, reference", "mcnav.cli._prepare_process"),
+    "importing": Case(RUN, "free", "mcnav.cli._prepare_process"),
     "reading": Case(RUN, "aided", "mcnav.systems.ins.tables.trajectory_file.read_whole"),
     "compiling": Case(RUN, "aided", "numba.core.typed_passes.type_inference_stage"),
     "tabulating": Case(RUN, "aided", "mcnav.systems.ins.aided.tabulate_aided"),

@@ -46,14 +46,13 @@ estimates = ["position", "velocity", "attitude"]
 KINDS: Final = {
     "free": (FREE, "ensemble", 4_200, "samples"),
     "free, summary": (FREE, "ensemble", 4_200, "summary"),
-    "free, reference": (FREE, "reference", 20, "samples"),
     "aided": (AIDED, "ensemble", 150, "samples"),
     "aided, summary": (AIDED, "ensemble", 150, "summary"),
 }
 """Campaign, engine, samples and store of each kind."""
 
-BOTH: Final = ("free, reference", "aided, summary")
-"""Kinds with and without a filter, of stored samples and of a summary; the cheapest."""
+BOTH: Final = ("free", "aided, summary")
+"""Kinds with and without a filter, of stored samples and of a summary, whose chunks are simulated in this process."""
 
 CHUNKS: Final = 3
 HALF: Final = 32

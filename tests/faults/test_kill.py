@@ -10,6 +10,7 @@ import pytest
 
 from mcnav.config.read import read_campaign
 from mcnav.runner.processes import TRIED_WHOLE
+from mcnav.workflow.prepare import prepare_system
 from tests.commands import invoke
 from tests.faults.kinds import KINDS, Case
 from tests.faults.remains import digests
@@ -66,6 +67,13 @@ def test_killed_workers_of_an_aided_run(tmp_path: Path) -> None:
     case.run(tmp_path, tmp_path / "hit", progress=kills, sample_timeout="1 h")  # with a limit, in processes
     assert kills.killed
     assert digests(tmp_path / "hit") == digests(tmp_path / "calm")
+
+
+@pytest.mark.parametrize("name", [name for name in KINDS if name.startswith(("free", "aided"))])
+def test_engines_of_inertial_navigation_that_hold_python_s_lock_have_processes(name: str, tmp_path: Path) -> None:
+    """The references, sample by sample; what is compiled releases the lock, and has threads."""
+    engine = prepare_system(Case(name, "samples").campaign(tmp_path), KINDS[name].engine, force=False).engine
+    assert (engine.parallel == "processes") == KINDS[name].in_processes == name.endswith("reference")
 
 
 def test_resume_of_every_kind() -> None:

@@ -34,7 +34,7 @@ from tests.faults.remains import digests, every_byte
 from tests.faults.scenarios import OnAdvance
 from tests.unit.config.test_trajectory_file import flight, write_csv
 
-KIND = "free, reference"
+KIND = "free"
 DAY = 86_400.0
 
 
@@ -71,7 +71,7 @@ def test_a_trajectory_that_changes_between_start_and_resume(tmp_path: Path, undi
         "--fresh replaces them, --out writes elsewhere"
     )
     file.unlink()
-    done = invoke("run", campaign, "--engine", "reference", "--out", run, cwd=tmp_path)
+    done = invoke("run", campaign, "--engine", KINDS[KIND][1], "--out", run, cwd=tmp_path)
     assert done.returncode == 2
     told = f"{campaign}: scenario.trajectory: {file} does not exist; paths are relative to the campaign file"
     assert done.stderr == f"error: {told}\n"

@@ -16,7 +16,7 @@ import pytest
 from mcnav.contract.samples import SimulationResult
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.systems.ins.aided import AidedEngine
-from mcnav.systems.ins.scenario import ReferenceEngine
+from mcnav.systems.ins.scenario import EnsembleEngine
 from mcnav.workflow.analyse import report_run, samples_of
 from mcnav.workflow.stored_summary import summary_of
 from tests.commands import invoke
@@ -34,7 +34,7 @@ from tests.faults.navigation import (
 from tests.faults.remains import digests, every_byte
 from tests.faults.scenarios import NOBODY, OnAdvance, as_nobody
 
-ENGINES: dict[str, Any] = {"free, reference": ReferenceEngine, "aided, summary": AidedEngine}
+ENGINES: dict[str, Any] = {"free": EnsembleEngine, "aided, summary": AidedEngine}
 
 
 @pytest.fixture(scope="module")

@@ -60,7 +60,7 @@ ELSEWHERE: Final = (
 UNCONFIRMED: Final = "Left out, because simulation does not confirm a change: {}."
 
 LOOKED_AT: Final = (
-    f"“Not by this alone”: neither smaller nor larger, at any multiple looked at from × 0 to × {MOST:,.0f}; the value "
+    f"“Not by this alone”: neither smaller nor larger, at any multiple looked at from × 0 to × {MOST:,.0f}. The value "
     "shown is the closest to the limit."
 )
 

@@ -110,7 +110,9 @@ def headline(sweep: Sweep) -> tuple[str, str]:
         return f"Accuracy by linear analysis over {varied}", ""
     words, tone = _linear_headline(sweep)
     refuted = sweep.confirmations and confirmed_words(sweep)[1] == "differs"
-    return f"By linear analysis: {words}", "undecided" if refuted else tone
+    where, _, closest = words.partition("; closest at ")
+    nearest = f". It is closest at {closest}" if closest else ""
+    return f"By linear analysis: {where}{nearest}", "undecided" if refuted else tone
 
 
 def _linear_headline(sweep: Sweep) -> tuple[str, str]:

@@ -325,7 +325,7 @@ class AidedReferenceEngine:
         "mechanization in earth-fixed axes, Gauss collocation of order 6 with steps of at most 0.1 s. Its filter: "
         "earth-fixed axes, steps of at most 0.2 s"
     )
-    parallel: str = "threads"
+    parallel: str = "processes"  # Python holds the interpreter's lock
     chunk: int = REFERENCE_CHUNK
     noisy: bool = True
 
@@ -411,7 +411,7 @@ class AidedEngine:
     filter: FilterSchema
     own: bool
     accuracy: str
-    parallel: str = "processes"  # Python holds the interpreter's lock
+    parallel: str = "threads"
     noisy: bool = True
     smoothing: SmootherTables | None = None
 
