@@ -20,6 +20,7 @@ LANGUAGES = {"console", "pycon", "toml", "python"}
 ELSEWHERE = {
     "docs/CAMPAIGNS.md": {"toml"},
     "docs/COMMANDS.md": {"toml"},
+    "docs/EXAMINATION.md": {"console"},
     "docs/GUIDE.md": {"sh", "toml"},
     "docs/NOTEBOOK.md": {"python"},
     "docs/SCALING.md": {"sh"},
