@@ -55,11 +55,11 @@ def lincov(
     ] = None,
     form: FormatOption = "table",
 ) -> None:
-    """Compute the linear covariance, its causes, and requirements, and examine where it holds.
+    """Compute the linear covariance, and examine where it holds.
 
-    They are of the end and over time. Some flights are simulated to see where linear analysis holds. With aiding, it is
-    that of the closed loop: true sigmas and those that the filter states, twice where an update falls on a time. With
-    --partials, P is shown as computed by three methods, with their differences.
+    Sigmas, their causes and requirements are of the end and over time. Some flights are simulated to see where linear
+    analysis holds. With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice
+    where an update falls on a time. With --partials, P is shown as computed by three methods, with their differences.
 
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """

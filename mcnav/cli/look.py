@@ -125,7 +125,7 @@ def export(
         typer.Option(metavar="FILE", help="Write only the flight with its covariance, as .czml or .mcap."),
     ] = None,
 ) -> None:
-    """Write all tables of a run as CSV, a figure for a paper, or the flight for a viewer.
+    """Write a run as CSV, one figure for a paper, or its flight.
 
     The tables come with the matrices for numpy and MATLAB. With --figure, one figure is drawn at the size that a paper
     needs. With --flight, true and navigated positions and their covariance are written for Cesium (.czml) or for

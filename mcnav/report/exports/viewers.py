@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from mcnav.arrays.products import transformed_variances
 from mcnav.report.exports.flight import Flight, quaternions, timed
 
 MISSING: Final = "{} needs {}: pip install 'mcnav[viewers]'"
@@ -146,7 +147,7 @@ def _messages(flight: Flight) -> list[dict[str, Message]]:
     places = {name: flight.local(positions - flight.true[0]) for name, positions in
               (("/true", flight.true), ("/navigated", flight.navigated))}  # fmt: skip
     errors = flight.local(flight.error)
-    spread = np.sqrt(np.einsum("ij,njk,ik->ni", flight.axes, flight.covariance, flight.axes))
+    spread = np.sqrt(transformed_variances(flight.axes, flight.covariance))
     return [
         {
             **{topic: _pose(values[k]) for topic, values in places.items()},
