@@ -47,6 +47,9 @@ CLEAR: Final = 60.0
 EXPLAINED: Final = 0.3
 """Share of the squares of a track's accelerations that may be left where it is that of the readings."""
 
+FEWEST: Final = 8.0
+"""Differences that do not overlap below which nothing is said: the noise of so few may fit anywhere."""
+
 LEAP: Final = 18.0
 """Seconds by which GPS time is ahead of UTC since 2017."""
 
@@ -214,7 +217,7 @@ def clock_fault(match: ForceMatch) -> str:
     at_zero, count = match.left(0.0)
     fits = [match.left(lag) for lag in LAGS]
     enough = [number >= 0.5 * len(match.gained) for _, number in fits]
-    if not any(enough) or not count:
+    if not any(enough) or not count or match.independent < FEWEST:
         return ""
     best = min((n for n in range(len(LAGS)) if enough[n]), key=lambda n: fits[n][0])
     fine = LAGS[best] + np.linspace(-0.25, 0.25, 11)
@@ -237,6 +240,8 @@ def clock_fault(match: ForceMatch) -> str:
 
 def mirror_fault(match: ForceMatch) -> str:
     """Say that north and east are exchanged, or up is taken for down, where no rotation fits the readings."""
+    if match.independent < FEWEST:
+        return ""
     as_named = match.left(0.0)[0]
     reflections = {
         "north and east are exchanged, or one of them has the wrong sign": (-1.0, 1.0, 1.0),

@@ -149,7 +149,7 @@ def test_sigmas_and_errors_are_those_of_pyins() -> None:
     innovations of several sigmas, leave ten times as much in the errors.
     """
     engine = reference()
-    errors = np.zeros(len(CONSTANTS) + 6)
+    errors = np.zeros(len(CONSTANTS) + 7)
     generator = np.random.default_rng(5)
     errors[:9] = generator.standard_normal(9) * np.repeat([POSITION, VELOCITY, LEVEL, HEADING], [3, 3, 2, 1])
     for kind, size in (("gyro_bias", GYRO_BIAS), ("accelerometer_bias", ACCELEROMETER_BIAS)):

@@ -105,7 +105,7 @@ def test_a_smoother_with_considered_states_is_refused() -> None:
 
 
 def test_tuned_again_derivatives_are_used_again_but_not_by_samples() -> None:
-    first: Any = campaign("Pendulum").scenario
+    first: Any = campaign("Pendulum", measurements={"encoder": "5 mrad"}).scenario
     described = campaign("Pendulum", measurements={"encoder": "8 mrad"})
     fresh: Any = described.scenario
     tuned = fresh.along(first)
