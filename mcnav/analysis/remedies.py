@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mcnav.analysis.summary import Summary
 
 Failing = Literal["filter", "requirement"]
-"""What remedies are ranked by: a requirement that is not met, else a filter that departs from the truth."""
+"""Subject by which remedies are ranked: a requirement that is not met, else a filter at odds with the truth."""
 
 CONFIRMING: Final = (Honesty.CONSISTENT.value, "met")
 """Findings of samples that confirm a remedy."""
@@ -32,7 +32,7 @@ LEAST: Final = 5e-4
 
 
 class Standing(Record):
-    """What linear covariance says of a campaign.
+    """Linear answer to a campaign or to a remedy.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Standing(Record):
 
     @property
     def departure(self) -> float:
-        """How far the filter departs from the truth: none of a consistent one."""
+        """Return the departure of the filter from the truth: zero for a consistent filter."""
         if self.verdict == Honesty.CONSISTENT or not self.ratio > 0.0:
             return 0.0
         return abs(math.log(self.ratio))
@@ -101,7 +101,7 @@ class Remedy(Record):
 
 
 class Remedies(Record):
-    """What would help a campaign.
+    """Remedies of a campaign.
 
     Attributes
     ----------

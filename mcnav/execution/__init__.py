@@ -1,1 +1,1 @@
-"""How a command runs as a process: signals, streams, child processes, its supervisor, threads, its progress."""
+"""Process of a command: signals, streams, child processes, its supervisor, threads, its progress."""

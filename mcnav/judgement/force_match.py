@@ -54,7 +54,7 @@ LEAP: Final = 18.0
 """Seconds by which GPS time is ahead of UTC since 2017."""
 
 DRIFT: Final = np.radians(10.0)
-"""What drifting gyros and a wrong vertical may add to the heading of a window, rad."""
+"""Heading error that drifting gyros and a wrong vertical may cause in a window, rad."""
 
 
 @dataclass(frozen=True)
@@ -116,9 +116,9 @@ class ForceMatch:
     def gains(self, lag: float) -> tuple[Array, Array]:
         """Return S where the track is late by a lag, shape (u, 3), and which instants are within the readings."""
         at = self.stamps - lag
-        inside = (at[:, 0] >= self.times[0]) & (at[:, -1] <= self.times[-1])
+        within = (at[:, 0] >= self.times[0]) & (at[:, -1] <= self.times[-1])
         values = np.stack([np.interp(at, self.times, column) for column in self.integrals.T], axis=-1)
-        return np.asarray(np.einsum("d,udi->ui", self.weights, values)), inside
+        return np.asarray(np.einsum("d,udi->ui", self.weights, values)), within
 
     def left(self, lag: float, signs: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> tuple[float, int]:
         """Return what the best rotations leave of squares, a mean, and of how many vectors.
@@ -128,11 +128,11 @@ class ForceMatch:
         signs : tuple of float
             Of what the track gains along north, east, down.
         """
-        by_readings, inside = self.gains(lag)
+        by_readings, within = self.gains(lag)
         by_track = self.gained * signs - np.stack([0.0 * self.gravity, 0.0 * self.gravity, self.gravity], axis=1)
         total, count = 0.0, 0
         for rows in self._windows:
-            some = rows[inside[rows]]
+            some = rows[within[rows]]
             if len(some) >= 5:
                 total += float(np.sum(by_readings[some] ** 2) + np.sum(by_track[some] ** 2))
                 total -= 2.0 * _rotation(by_readings[some], by_track[some])[1]
@@ -142,7 +142,7 @@ class ForceMatch:
     @cached_property
     def _windows(self) -> list[IndexArray]:
         number = np.floor((self.stamps[:, 0] - self.stamps[0, 0]) / WINDOW)
-        return [np.flatnonzero(number == each) for each in np.unique(number)]
+        return [np.flatnonzero(number == window) for window in np.unique(number)]
 
     @cached_property
     def moved(self) -> float:
@@ -157,10 +157,10 @@ class ForceMatch:
 
     def heading(self) -> tuple[float, float] | None:
         """Return the heading at the start by the first window whose track tells it, and its sigma, rad."""
-        by_readings, inside = self.gains(0.0)
+        by_readings, within = self.gains(0.0)
         by_track = self.gained - np.stack([0.0 * self.gravity, 0.0 * self.gravity, self.gravity], axis=1)
         for rows in self._windows[:4]:
-            some = rows[inside[rows]]
+            some = rows[within[rows]]
             if len(some) < 5:
                 continue
             rotation, _ = _rotation(by_readings[some], by_track[some])
@@ -221,7 +221,7 @@ def clock_fault(match: ForceMatch) -> str:
         return ""
     best = min((n for n in range(len(LAGS)) if enough[n]), key=lambda n: fits[n][0])
     fine = LAGS[best] + np.linspace(-0.25, 0.25, 11)
-    lag = float(min(fine, key=lambda each: match.left(float(each))[0]))
+    lag = float(min(fine, key=lambda shift: match.left(float(shift))[0]))
     least = match.left(lag)[0]
     clear = (at_zero - least) * match.independent > CLEAR * least / 3.0
     if abs(lag) < LEAST_LAG or at_zero < TIMES_WORSE * least or not clear or least > EXPLAINED * match.moved:
@@ -257,10 +257,10 @@ def mirror_fault(match: ForceMatch) -> str:
 
 def heading_fault(match: ForceMatch, heading: float, sigma: float) -> str:
     """Say that the heading at the start is not that by which readings and track are one motion."""
-    told = match.heading()
-    if told is None:
+    by_motion = match.heading()
+    if by_motion is None:
         return ""
-    by_both, error = told
+    by_both, error = by_motion
     apart = _wrapped(heading - by_both)
     allowed = DRIFT + 5.0 * float(np.hypot(error, sigma))
     if abs(apart) < allowed:

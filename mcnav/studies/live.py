@@ -156,7 +156,7 @@ class LiveCampaign:
         return page_html(lincov_page(chosen.campaign, chosen.setting.answer))
 
     def campaign_file(self, number: int) -> str:
-        """Return the campaign file of a setting, to be saved beside the one that is watched."""
+        """Return the campaign file of a setting, to be saved beside the watched file."""
         return tomli_w.dumps(self._numbered(number).content)
 
     def report(self, number: int) -> str:

@@ -2,7 +2,7 @@
 
 Numbers of the data sheet follow from the linear covariance as a function of them (`mcnav.analysis.what_if`), which has
 the filter's gains held. Other changes, and numbers where a filter is re-tuned, are campaigns of their own, whose linear
-covariance is computed; a run computes the one that promises most, and ``mcnav report --remedies`` all.
+covariance is computed. A run computes the most promising remedy, ``mcnav report --remedies`` all of them.
 """
 
 from __future__ import annotations

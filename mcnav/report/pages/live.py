@@ -21,7 +21,7 @@ EXPLANATION: Final = (
     "This page follows the campaign's file. When a slider is released, the filter is re-tuned for the numbers above, "
     "as mcnav lincov does. The answer is kept here beside those before.",
     "All of it is linear analysis, which may be wrong. Confirm by Monte Carlo runs a setting and tells. Copy as TOML "
-    "gives its file, to be saved beside the one that is watched.",
+    "gives its campaign file. Save it beside the watched file.",
 )
 
 
