@@ -141,7 +141,7 @@ def export(
 
     if flight is not None:
         try:
-            print_written([export_flight(folder, output_file(flight, "flight.mcap", tuple(WRITERS)))])
+            print_written([export_flight(folder, output_file(flight, "flight.mcap", tuple(WRITERS), "--flight"))])
         except ImportError as missing:
             raise failure(str(missing)) from None
         return

@@ -40,8 +40,8 @@ def output_folder(given: Path | None, default: Path) -> Path:
     return given
 
 
-def output_file(given: Path, name: str, endings: Sequence[str]) -> Path:
-    """Return the file that a command writes: the one that is named or, of a folder, ``name`` in it.
+def output_file(given: Path, name: str, endings: Sequence[str], option: str = OPTION) -> Path:
+    """Return the file that a command writes: the file named by an option or, of a folder, ``name`` in it.
 
     Raises
     ------
@@ -59,9 +59,9 @@ def output_file(given: Path, name: str, endings: Sequence[str]) -> Path:
         return given
     if given.suffix.lower() in (*ENDINGS, *OF_OTHERS) or given.is_file():
         known = " or ".join([", ".join(endings[:-1]), endings[-1]] if endings[1:] else endings)
-        raise _wrong(given, f"expected a folder, or a file that ends in {known}")
+        raise _wrong(given, f"expected a folder, or a file that ends in {known}", option)
     return given / name
 
 
-def _wrong(given: Path, message: str) -> CampaignError:
-    return CampaignError([Problem(OPTION, "", f"got {given}; {message}")])
+def _wrong(given: Path, message: str, option: str = OPTION) -> CampaignError:
+    return CampaignError([Problem(option, "", f"got {given}; {message}")])

@@ -19,7 +19,7 @@ from mcnav.report.exports.viewers import REACH
 from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_aided import FOLDER, shortened
-from tests.commands import invoke
+from tests.commands import in_process, invoke
 from tests.conftest import campaign
 
 DIGITS = 1e-9
@@ -113,3 +113,9 @@ def test_what_cannot_be_written_is_told_in_one_line(run: Path, tmp_path: Path) -
     assert finished.returncode == 2
     assert len(finished.stderr.strip().splitlines()) == 1
     assert ".czml" in finished.stderr
+
+
+def test_a_file_of_another_kind_is_refused_by_the_name_of_the_option(tmp_path: Path) -> None:
+    done = in_process("export", tmp_path, "--flight", "flight.docx")
+    assert done.exit_code == 2
+    assert "--flight: got flight.docx; expected a folder, or a file that ends in .czml or .mcap" in done.output
