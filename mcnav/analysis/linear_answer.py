@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.examination import Examination, Linearity
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.floor import CANCELLED
@@ -21,6 +20,7 @@ from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
 from mcnav.analysis.mean_errors import departures
+from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcnav.analysis.block_moments import BlockMoments, ReducedSamples
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.execution.child_processes import side_threads
 from mcnav.sampler.designs import SamplingDesign
@@ -97,20 +97,10 @@ class MultivariateTests:
 
 
 def compare_jointly(
-    samples: ReducedSamples, linear: Array, rank: int, confidence: float, design: SamplingDesign,
-    judged: NDArray[np.bool_],
-) -> MultivariateTests:  # fmt: skip
-    """Test the outputs together against P S P^T, with a confidence for each interval.
-
-    Parameters
-    ----------
-    linear : ndarray, shape (outputs, outputs)
-        P S P^T, zero in the rows and columns of outputs that are not judged.
-    rank : int
-        Its rank.
-    judged : ndarray of bool, shape (outputs,)
-        Outputs that are judged.
-    """
+    samples: ReducedSamples, model: Model, confidence: float, design: SamplingDesign
+) -> MultivariateTests:
+    """Test the outputs that are judged together against P S P^T, with a confidence for each interval."""
+    linear, judged, rank = model.judged_covariance, model.judged, model.whitened.rank
     moments, stored = samples.moments, samples.stored
     count, blocks, fewest = moments.samples, len(moments.counts), design.fewest_blocks
     sample, predicted = (np.where(np.outer(judged, judged), covariance, 0.0) for covariance in moments.covariances)

@@ -11,13 +11,13 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, where_linear, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
+from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.withheld import with_rejections

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.gates import predict_faults
 from mcnav.analysis.mean_errors import rounding_of_means
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Requirement, requirements_from
 from mcnav.analysis.what_if import pairs_over_time
 from mcnav.config.campaign import Campaign
