@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from mcnav.physics.units import UnitError, conversion, printable
+from mcnav.physics.units import UnitError, conversion, parted, printable
 
 NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
@@ -52,6 +52,10 @@ class Range:
     def written(self, value: float) -> str | int | float:
         """Return a value as a campaign file has it; a whole number without a unit is an integer."""
         return written(value, self.unit)
+
+    def value_of(self, entry: str | int | float) -> float:
+        """Return the value of what `written` has written."""
+        return parted(entry)[0] if isinstance(entry, str) else float(entry)
 
     def __str__(self) -> str:
         return f"{self.low:.6g} to {self.high:.6g} {self.unit}".rstrip()
