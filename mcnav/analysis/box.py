@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -107,12 +106,12 @@ class Box:
     output: int = 0
 
     @property
+    def varies(self) -> bool:
+        """Return whether a range has more than one value."""
+        return bool(self.outputs[0].worst.setting)
+
+    @property
     def tightest(self) -> Setting:
         """Setting of what `narrowed` is about: the worst of the tightest requirement, or of an output."""
         spread = self.outputs[self.output] if self.about is None else self.requirements[self.about]
         return spread.worst.setting
-
-
-def known(value: float) -> float | None:
-    """Return a value, or none in place of NaN."""
-    return None if math.isnan(value) else value

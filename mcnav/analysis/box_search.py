@@ -60,7 +60,8 @@ class Maxima:
             self._at(point)
         values = np.array(list(self.known.values()))
         for function in functions:
-            if np.ptp(values[:, function]) > GAIN * np.abs(values[:, function]).max():  # it is no constant
+            column = values[:, function]
+            if np.isfinite(column).all() and np.ptp(column) > GAIN * np.abs(column).max():  # it is no constant
                 self._refine(function)
 
     def largest(self, function: int) -> tuple[Point, float]:

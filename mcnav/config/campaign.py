@@ -57,6 +57,8 @@ class Campaign:
         Files that its keys name and this program reads.
     ranges : tuple of SpecRange
         Ranges of its file, each of which is at its upper end here.
+    remarks : tuple of str
+        Clauses on where in a box it lies, for its results.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Campaign:
     file: str = ""
     files: tuple[InputFile, ...] = ()
     ranges: tuple[SpecRange, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def to_toml(self) -> str:
         """Write the resolved campaign as a campaign file."""

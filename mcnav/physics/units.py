@@ -335,7 +335,7 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
     if not isinstance(text, str):
         raise UnitError(f"got {_described(text)}; {expected}")
     match = _QUANTITY.fullmatch(text)
-    if match is None:
+    if match is None or ".." in text:
         raise UnitError(f"got {_quoted(text)}{', a range' if '..' in text else ''}; {expected}")
     number, name = float(match[1]), match[2]
     if not name and unit != "1":
