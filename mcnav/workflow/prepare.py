@@ -132,7 +132,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
         )
         unsettled = None if doubt is None else unsettled_record(doubt)
         history = drawable_history(scenario.nominal(), file)
-        remarks = scenario.remarks_on(mean, covariance)
+        remarks = (*campaign.remarks, *scenario.remarks_on(mean, covariance))
     return PreparedSystem(
         campaign, draws, engine, engine_name, record, linear, requirements, differenced, prediction, history,
         unsettled, remarks,
