@@ -104,9 +104,14 @@ def outages_of(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]
     return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
 
 
-def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
-    """Compute what `linear_covariance` does, without what the scenario notices of itself."""
+def answer_linearly(described: Campaign, times: Array | None = None, by_cause: bool = True) -> LinearAnswer:
+    """Compute what `linear_covariance` does, without what the scenario notices of itself.
+
+    ``by_cause``: whether each process is known by itself, and not all together.
+    """
     scenario, errors = described.scenario, described.errors
+    if not by_cause:
+        scenario = scenario.with_processes_together()
     names = tuple(source.name for source in scenario.sources)
     with one_thread(), scenario_errors(described.file):
         if times is not None:

@@ -73,10 +73,13 @@ def combination_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Se
     return Section("combination", f"Where the joint distribution {finding}", [figure])
 
 
-def joint_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:
-    """Arrange what is known of all outputs together, of pairs, and of covariances and correlations."""
+def joint_section(content: RunAnalysis, drawn: Mapping[str, Figure], differing: Section | None) -> Section:
+    """Arrange what is known of all outputs together, of pairs, and of covariances and correlations.
+
+    ``differing``: the section on the combination, if something else decides: it is folded here.
+    """
     words, tests = ellipsoid_words(content), content.comparison.joint
-    parts: list[Part] = []
+    parts: list[Part] = [] if differing is None else [Folded(differing.title, differing.parts)]
     if words is not None:
         parts += [*_nees(words, tests), *joined(drawn.get("nees")), _definition()]
         parts += [] if tests is None else _details(content, tests)
