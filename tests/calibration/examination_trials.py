@@ -17,7 +17,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.config.read import Campaign, read_campaign
 from mcnav.contract.engine import Engine
 from mcnav.execution.threads import one_thread
