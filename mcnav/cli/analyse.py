@@ -53,6 +53,13 @@ def lincov(
             help="Simulate some flights to see where linear analysis holds [default: where that is quick].",
         ),
     ] = None,
+    gates: Annotated[
+        bool | None,
+        typer.Option(
+            "--gates/--no-gates",
+            help="Simulate flights that begin with a rejection by a gate [default: where rejections are rare].",
+        ),
+    ] = None,
     form: FormatOption = "table",
 ) -> None:
     """Compute the linear covariance, and examine where it holds.
@@ -79,7 +86,7 @@ def lincov(
 
     times = None if at is None else read_times(at)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
-    result, files = write_lincov(read_campaign(campaign), target, times, remedies, examine=examine)
+    result, files = write_lincov(read_campaign(campaign), target, times, remedies, examine=examine, gates=gates)
     if form != "table":
         tables = exported(result)
         print_rows(form, tables["sigmas"], tables)

@@ -117,7 +117,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
         moments = linear.outcome_mean, np.sqrt(np.diag(linear.outcome_covariance))
         rounding = rounding_of_means(scenario.outputs, scenario.sources, end.partials, *moments)
         faults = predict_faults(scenario, mean, covariance)
-        gates = doubt_about_gates(scenario, errors, campaign.tolerance)
+        gates = doubt_about_gates(scenario, errors, campaign.tolerance, fly=None)
         tails = tail_outputs(scenario, draws, engine, linear, campaign.sample_timeout)
         record = end_record(scenario.sources, scenario.outputs, end, mean, covariance).completed(
             {
