@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.examination import Examination
-from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, Order
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.remedies import Remedies
@@ -92,6 +92,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 **({"about": requirement.requirement.about} if requirement.requirement.about else {}),
                 "value": requirement.value,
                 "met": requirement.met if requirement.judged else None,
+                **_order_entry(requirement),
                 "margin": requirement.margin,
                 **({"exceedance": requirement.beyond} if math.isfinite(requirement.beyond) else {}),
                 **({"exceedance_curved": requirement.curved} if math.isfinite(requirement.curved) else {}),
@@ -115,6 +116,16 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
     }  # fmt: skip
 
 
+def _order_entry(requirement: LinearRequirement) -> Mapping[str, object]:
+    """Return by which order a requirement is judged, the uncertainty of its value, and why it is not judged."""
+    second = requirement.order == Order.SECOND
+    return {
+        "order": requirement.order.value if math.isfinite(requirement.value) else None,
+        **({"uncertainty": requirement.share * requirement.value} if second else {}),
+        **({"doubt": requirement.doubt} if requirement.doubt else {}),
+    }
+
+
 def examination_entry(examined: Examination, names: Sequence[str]) -> Mapping[str, object]:
     """Arrange an examination as ``lincov.json`` has it; corrected moments are in SI units."""
     rows = [{"name": name, **asdict(output)} for name, output in zip(names, examined.outputs, strict=True)]
@@ -128,6 +139,9 @@ def examination_entry(examined: Examination, names: Sequence[str]) -> Mapping[st
         "mean_second": None if corrected is None else corrected.mean,
         "sigma_second": None if corrected is None else corrected.sigma,
         "sigma_error": None if corrected is None else corrected.error,
+        "mean_second_error": None if corrected is None else corrected.mean_error,
+        "nees_second": None if corrected is None else corrected.nees,
+        "nees_error": None if corrected is None else corrected.nees_error,
     }
 
 

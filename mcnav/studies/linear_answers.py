@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.comparison import Model
+from mcnav.analysis.corrected_requirements import judge_by_order
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.gates import GateAnswer, answer_gates
-from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, where_linear, within_range
+from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
@@ -81,7 +82,9 @@ def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> Linea
     examined = examine_campaign(campaign, answer.model, seconds)
     if isinstance(examined, str):
         return replace(answer, unexamined=examined)
-    return replace(answer, examination=examined, requirements=where_linear(answer.requirements, examined))
+    return replace(
+        answer, examination=examined, requirements=judge_by_order(answer.requirements, answer.model, examined)
+    )
 
 
 def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
