@@ -111,6 +111,10 @@ class Examination:
         verdicts = [output.verdict for output in self.outputs] + ([self.joint.verdict] if self.joint else [])
         return Linearity.UNKNOWN not in verdicts
 
+    def verdict_on(self, outputs: Sequence[int]) -> Linearity:
+        """Return the verdict on some outputs, each alone."""
+        return combine([self.outputs[output].verdict for output in outputs])
+
     def completed_by(self, other: Examination) -> Examination:
         """Return this examination with the other's answers where this one cannot say; those of failures say nothing."""
         outputs = tuple(

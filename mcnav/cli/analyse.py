@@ -11,6 +11,7 @@ from mcnav.cli import next_command
 from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
+    Examine,
     FormatOption,
     Jobs,
     columns_of,
@@ -46,13 +47,7 @@ def lincov(
     remedies: Annotated[
         bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
     ] = False,
-    examine: Annotated[
-        bool | None,
-        typer.Option(
-            "--examine/--no-examine",
-            help="Simulate some flights to see where linear analysis holds [default: where that is quick].",
-        ),
-    ] = None,
+    examine: Examine = None,
     form: FormatOption = "table",
 ) -> None:
     """Compute the linear covariance, and examine where it holds.

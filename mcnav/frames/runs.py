@@ -423,6 +423,7 @@ def sweep(
     points: int = POINTS,
     at: str | Sequence[float] = (),
     jobs: int = JOBS,
+    examine: bool | None = None,
 ) -> pd.DataFrame:
     """Vary one or two keys of a campaign: accuracy by linear analysis at every point of a grid.
 
@@ -442,6 +443,9 @@ def sweep(
         Times in the trajectory's time, such as ``"600 s, 25 min"``, or in seconds; by default the end.
     jobs : int
         Threads.
+    examine : bool, optional
+        Whether flights examine linear analysis where limits are just met and at the ends; by default where that is
+        quick. Where it is not shown to hold there is a column ``linear analysis`` with the verdicts.
 
     Returns
     -------
@@ -471,5 +475,5 @@ def sweep(
         expected = "a mapping of keys to values such as {'errors.altitude': '1..10 km'}"
         raise TypeError(f"varied must be {expected}; got {type(varied).__name__}")
     with _named_as_here():
-        swept = run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs))
+        swept = run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs, examine))
     return frame(swept).set_index([variable.label for variable in swept.variables])

@@ -112,11 +112,10 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model.of(linear, errors.mean, errors.covariance, scenario.outputs)
+        model = end_model(described, linear)
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         required = requirements_from(described.requirements, [output.name for output in scenario.outputs])
-        model = replace(model, limits=smallest_limits(required, len(scenario.outputs)))
         smoothed = None
         if scenario.parts.smoother:
             smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
@@ -155,6 +154,14 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
             smoother=_with_rejections(smoother, rejections),
             rejections=rejections,
         )
+
+
+def end_model(campaign: Campaign, linear: LinearModel) -> Model:
+    """Return the linear model of a campaign at its end, with the limits of its requirements."""
+    outputs, errors = campaign.scenario.outputs, campaign.errors
+    required = requirements_from(campaign.requirements, [output.name for output in outputs])
+    model = Model.of(linear, errors.mean, errors.covariance, outputs)
+    return replace(model, limits=smallest_limits(required, len(outputs)))
 
 
 def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer | None) -> LinearVerdict | None:
