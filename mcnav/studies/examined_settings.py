@@ -48,6 +48,11 @@ class Examiner:
         self._last = 0.0
         self.reason = ""
 
+    @property
+    def open(self) -> bool:
+        """Return whether a further setting would be examined, as far as time tells."""
+        return self._asked and self._left > self._last
+
     def examine(self, campaign: Campaign) -> Examination | None:
         """Examine a setting; none where it is not examined, `reason` says why."""
         if not self._asked:

@@ -51,7 +51,7 @@ def write_lincov(
     if covariance.fails:
         from mcnav.studies.remedies import remedies_of_answer  # half a second, which answers that hold do without
 
-        remedies = remedies_of_answer(campaign, covariance, all_remedies)
+        remedies = remedies_of_answer(campaign, covariance, all_remedies, examine=examine)
     written = page_html(lincov_page(campaign, covariance, remedies))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
