@@ -138,6 +138,8 @@ class LinearAnswer:
         What gates make of good measurements; none without a gate.
     examination : Examination or None
         Where it holds, by simulations (`mcnav.analysis.examination`); none where that was not asked for.
+    examined_in : float
+        Seconds that this took; infinite without one.
     unexamined : str
         Reason why it was asked for and left out, a clause; empty elsewhere.
     kind : str
@@ -169,6 +171,7 @@ class LinearAnswer:
     gates: tuple[GateAnswer, ...] = ()
     rejections: RejectionAnswer | None = None
     examination: Examination | None = None
+    examined_in: float = field(default=math.inf, repr=False, compare=False)
     unexamined: str = ""
     kind: str = ""
     remarks: tuple[str, ...] = ()

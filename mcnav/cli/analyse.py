@@ -218,6 +218,7 @@ def allocate(
     confirm: Annotated[
         int, typer.Option(metavar="N", min=0, help="Simulate the N smallest changes; 0: linear analysis alone.")
     ] = 3,
+    examine: Examine = None,
     jobs: Jobs = 2,
     folder: Annotated[Path | None, out_folder("reports/NAME_allocate")] = None,
     form: FormatOption = "table",
@@ -237,7 +238,7 @@ def allocate(
 
     with progress.shown(err) as shown:
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_allocate")
-        result, files = write_allocation(campaign, target, shown, confirm, jobs)
+        result, files = write_allocation(campaign, target, shown, confirm, jobs, examine)
     if form != "table":
         print_rows(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return

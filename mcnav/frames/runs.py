@@ -39,7 +39,7 @@ from mcnav.report.exports.arrays import arrays
 from mcnav.report.exports.dataset import dataset
 from mcnav.report.pages.run.card import run_card
 from mcnav.report.pages.run.page import figures
-from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
+from mcnav.report.pages.run.sections.what_if import what_if_section, where_nonlinear
 from mcnav.report.pages.sweep import frame
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
@@ -245,7 +245,7 @@ class RunResult:
         """The report's section "What if", with its sliders; none where nothing can be changed."""
         with one_thread():
             content = self.content
-            outputs, fails = content.manifest.model.outputs, linear_fails(content.summary)
+            outputs, fails = content.manifest.model.outputs, where_nonlinear(content.summary)
             section = what_if_section(what_if_of_run(content), outputs, content.looped, fails)
             name = content.summary.campaign
             return None if section is None else FramedPage(name, page_html(Page(name, "What if", name, (), [section])))

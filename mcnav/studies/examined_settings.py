@@ -33,7 +33,9 @@ class Examiner:
     examine : bool or None
         Whether settings are examined; with none, where that takes less than their answers.
     seconds : float
-        What these have taken.
+        What they may take, by default of callers what their answers have taken.
+    expected : float
+        What the first is expected to take, s; of others that is what the one before took.
 
     Attributes
     ----------
@@ -42,23 +44,22 @@ class Examiner:
         of linear analysis, which answers say themselves.
     """
 
-    def __init__(self, examine: bool | None, seconds: float) -> None:
+    def __init__(self, examine: bool | None, seconds: float, expected: float = 0.0) -> None:
         self._asked = examine is not False
         self._left = math.inf if examine else seconds
-        self._last = 0.0
+        self._last = 0.0 if examine else expected
         self.reason = ""
 
     @property
     def open(self) -> bool:
-        """Return whether a further setting would be examined, as far as time tells."""
+        """Return whether a further setting is examined, as far as time tells; where it is not, `reason` says so."""
+        if self._asked and self._left <= self._last:
+            self.reason = COSTLY
         return self._asked and self._left > self._last
 
     def examine(self, campaign: Campaign) -> Examination | None:
         """Examine a setting; none where it is not examined, `reason` says why."""
-        if not self._asked:
-            return None
-        if self._left <= self._last:
-            self.reason = COSTLY
+        if not self.open:
             return None
         began = perf_counter()
         answer = self._examine(campaign)

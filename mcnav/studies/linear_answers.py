@@ -79,12 +79,14 @@ def linear_covariance(campaign: Description, times: Array | None = None, examine
 
 def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> LinearAnswer:
     """Add the examination of an answer, which may take so many seconds, or the reason why it has none."""
+    began = perf_counter()
     examined = examine_campaign(campaign, answer.model, seconds)
     if isinstance(examined, str):
         return replace(answer, unexamined=examined)
     return replace(
-        answer, examination=examined, requirements=judge_by_order(answer.requirements, answer.model, examined)
-    )
+        answer, examination=examined, examined_in=perf_counter() - began,
+        requirements=judge_by_order(answer.requirements, answer.model, examined),
+    )  # fmt: skip
 
 
 def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:

@@ -38,6 +38,9 @@ from mcnav.studies.remedy_changes import Change, changes_of_filter, changes_of_n
 RETUNED: Final = 3
 """Numbers of which the filter is re-tuned, those that help most with its gains held."""
 
+QUICK: Final = 1.0 / 3.0
+"""Share of the time of answers that their examination may take where nobody asked for all remedies."""
+
 LISTED: Final = 8
 """Remedies that are kept."""
 
@@ -49,8 +52,8 @@ NO_MODEL: Final = "there is no linear model of this run"
 
 
 def find_remedies(
-    case: Case, thorough: bool, progress: Progress = SILENT, examine: bool | None = None
-) -> Remedies:  # fmt: skip
+    case: Case, thorough: bool, progress: Progress = SILENT, examine: bool | None = None, expected: float = math.inf
+) -> Remedies:
     """Compute what would help, the best first; behind them those of which linear analysis does not hold.
 
     Parameters
@@ -58,8 +61,10 @@ def find_remedies(
     thorough : bool
         Whether all changes are computed that take a linear covariance of their own; else the first of them.
     examine : bool, optional
-        Whether flights examine linear analysis of what is listed; by default of the best, and of others where all that
-        takes less than their answers.
+        Whether flights examine linear analysis of what is listed; by default while that takes less than `QUICK` of the
+        answers, or where they are thorough than the answers.
+    expected : float
+        What an examination is expected to take, s.
     """
     began = perf_counter()
     remedies = Remedies(
@@ -83,7 +88,8 @@ def find_remedies(
     held = [remedy for change, remedy in numbers if change.words not in known]
     listed = [remedy for remedy in ranked([*computed, *held], case.failing) if helps(remedy, remedies)]
     reason = "" if listed else NOTHING if case.what_if.campaign.sliders else NO_NUMBER
-    examiner = Examiner(examine, perf_counter() - began)
+    seconds = perf_counter() - began
+    examiner = Examiner(examine, seconds) if thorough else Examiner(examine, QUICK * seconds, expected)
     examined = [_examined(case, remedy, examiner) for remedy in listed[:LISTED]]
     return remedies.completed(
         {"listed": doubted_last(examined), "reason": reason or None, "left": left, "unexamined": examiner.reason}
@@ -184,4 +190,4 @@ def remedies_of_answer(
         examined = answer.examination
         if examined is not None and examined.verdict_on(_concerned(case, campaign)) == Linearity.FAILS:
             return Remedies(failing=case.failing, at=case.at, now=case.now, beside=case.beside, reason=NOT_HERE)
-        return find_remedies(case, thorough, progress, examine)
+        return find_remedies(case, thorough, progress, examine, answer.examined_in)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,13 @@ import numpy as np
 import pytest
 import tomli_w
 
+import mcnav
 from mcnav.analysis.examination import Linearity
+from mcnav.config.read import read_campaign
+from mcnav.report.pages.run.sections.remedies import fix
+from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.live import LiveCampaign
+from mcnav.studies.remedies import remedies_of_answer
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from tests.commands import invoke
 
@@ -87,3 +94,69 @@ def test_contours_and_families_are_marked(polar: Path) -> None:
     corners = {(float(r), float(b)): sweep.verdict_at((r, b), 0) for r in (20.0, 200.0) for b in (1.0, 30.0)}
     assert corners[20.0, 30.0] == "does not hold"
     assert corners[20.0, 1.0] == corners[200.0, 1.0] == "holds"
+
+
+def test_allocation_marks_what_linear_analysis_proposes_in_vain(polar: Path, tmp_path: Path) -> None:
+    """By linear analysis y grows with the range error alone, so that both limits allow 11.6 deg of bearing error.
+
+    There y has 1.8 times its linear sigma, by `true_ratio`.
+    """
+    arguments = ("--confirm", 0, "--out", tmp_path, "--examine")
+    shown = invoke("allocate", polar, *arguments, cwd=tmp_path).stdout
+    stored = json.loads((tmp_path / "allocate.json").read_text(encoding="utf-8"))
+    (bearing,) = [row for row in stored["changes"] if row["number"] == "errors.bearing"]
+    assert true_ratio(2.0 * bearing["factor"]) > 1.06
+    assert bearing["linearity"] == "does not hold"
+    assert stored["linearity"] == {"now": "holds", "unexamined": None}
+    assert "Linear analysis does not hold with errors.bearing" in shown
+    page = (tmp_path / "allocate.html").read_text(encoding="utf-8")
+    assert "Linear analysis then" in page
+    linear = mcnav.allocate(polar, confirm=0, examine=False)
+    assert set(linear.changes["linearity"]) == {""}
+
+
+def failing(polar: Path, bearing: str) -> Path:
+    """Return the campaign with a limit of y that range errors of 80 m miss, and a bearing error."""
+    content = tomllib.loads(polar.read_text(encoding="utf-8"))
+    content["errors"] |= {"bearing": bearing, "range": "80 m"}
+    content["accept"] = {"quantile": [{"output": "y", "probability": 0.95, "below": "60 m"}]}
+    path = polar.with_name(f"failing_{bearing.partition(' ')[0]}.toml")
+    path.write_text(tomli_w.dumps(content), encoding="utf-8")
+    return path
+
+
+def test_a_remedy_that_is_not_linear_is_marked_and_not_advised(polar: Path) -> None:
+    """With 10 m of range error left, 9 deg of bearing error make y nonlinear, which 80 m of it hide."""
+    campaign = read_campaign(failing(polar, "9 deg"))
+    answer = linear_covariance(campaign, examine=True)
+    assert answer.examination is not None
+    assert answer.examination.verdict_on([1]) == Linearity.HOLDS
+    remedies = remedies_of_answer(campaign, answer, examine=True)
+    assert remedies is not None
+    assert remedies.best is not None
+    assert "errors.range" in remedies.best.words
+    assert remedies.best.linearity in ("cannot say", "does not hold")
+    section = str(fix(remedies, answer.outputs))
+    assert "of it: simulate it first" in section
+    assert remedies.best.words not in [remedy.words for remedy in remedies.advisable.listed if remedy.linearity]
+
+
+def test_no_remedy_where_linear_analysis_does_not_hold(polar: Path) -> None:
+    campaign = read_campaign(failing(polar, "25 deg"))
+    remedies = remedies_of_answer(campaign, linear_covariance(campaign, examine=True))
+    assert remedies is not None
+    assert remedies.listed == ()
+    assert remedies.reason.startswith("linear analysis does not hold here")
+
+
+def test_a_live_setting_says_that_it_is_not_linear(tmp_path: Path) -> None:
+    """Trajectory 4 with ten times the bias of z has a range rate whose sigma is not linear."""
+    text = (CAMPAIGNS / "01_tn_d1772_trajectory_4.toml").read_text(encoding="utf-8")
+    (tmp_path / "trajectory.toml").write_text(text, encoding="utf-8")
+    live = LiveCampaign(tmp_path / "trajectory.toml", tmp_path, 1)
+    tuned = dict.fromkeys(("errors.bias_z", "errors.altitude", "errors.bias_x", "errors.gyro_drift"), 10.0)
+    live.tune(1, tuned)
+    first, setting = json.loads(json.dumps(live.state()))["settings"]
+    assert (first["doubted"], setting["doubted"]) == ([], ["range rate"])
+    assert any("Range rate (true sigma about" in words for words, _ in setting["sentences"])
+    assert {row["words"]: row["doubt"] for row in setting["sigmas"]}["range rate"] == "linear analysis does not hold"

@@ -131,7 +131,7 @@ class SizeRow:
     """Mean and sigma of an output at an instant in the unit shown, that of the filter, and causes of the variance.
 
     Where errors are beyond the range of linear analysis, numbers and causes are none. Moments of second order are those
-    that are known to less than half of their correction.
+    that are known to less than half of their correction; ``linearity`` is the verdict of flights on the linear ones.
     """
 
     output: str
@@ -144,6 +144,7 @@ class SizeRow:
     nominal: float | None = None
     mean_second: float | None = None
     sigma_second: float | None = None
+    linearity: str = ""
 
 
 @dataclass(frozen=True)
@@ -244,6 +245,7 @@ def final_rows(answer: LinearAnswer) -> list[SizeRow]:
             nominal=known(nominal[i]),
             mean_second=known(second_means[i]),
             sigma_second=known(second_sigmas[i]),
+            linearity="" if answer.examination is None else answer.examination.outputs[i].verdict.value,
         )
         for i, output in enumerate(answer.outputs)
     ]

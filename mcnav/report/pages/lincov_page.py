@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.answer_times import as_read, read_axis
+from mcnav.analysis.examination import Linearity
 from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer, Order
@@ -53,7 +54,7 @@ from mcnav.report.pages.run.sections.what_if import what_if_section
 from mcnav.report.pages.screen import answered
 from mcnav.report.results.left_out import not_modelled
 from mcnav.report.statements.details import BEYOND, remarks_in
-from mcnav.report.statements.words import listed
+from mcnav.report.statements.words import listed, several
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; no number here is of samples. mcnav run tests it by Monte Carlo simulation."
@@ -115,7 +116,7 @@ def page(
     looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
     if (helpful := remedies_section(remedies, answer.outputs, ALL_REMEDIES)) is not None:
         sections.append(helpful)
-    if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
+    if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped, _nonlinear(answer))):
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
@@ -127,6 +128,14 @@ def page(
     shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
+
+
+def _nonlinear(answer: LinearAnswer) -> str:
+    """Say of which outputs linear analysis does not hold; empty where flights have not shown that it does not."""
+    examined = () if answer.examination is None else answer.examination.outputs
+    failing = [humanize(output.name) for output, row in zip(answer.outputs, examined, strict=False)
+               if row.verdict == Linearity.FAILS]  # fmt: skip
+    return f"for {several(failing)}" if failing else ""
 
 
 def _cause(answer: LinearAnswer) -> str:

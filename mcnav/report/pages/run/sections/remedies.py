@@ -32,7 +32,7 @@ HELD: Final = "“Gains held”: the filter keeps its gains, and a run of the ch
 DRAWS: Final = "Samples of a changed campaign have the draws of this run."
 LEFT: Final = "A run does not wait for {} more: {} computes them."
 WITHHELD: Final = "Withheld, because linear analysis does not hold of it or samples did not confirm it: {}."
-UNEXAMINED: Final = "Flights did not examine linear analysis of each change: {}. mcnav lincov --examine does it."
+UNEXAMINED: Final = "Flights did not examine linear analysis of all changes: {}. {} does it."
 DOUBT: Final = "linear analysis {} of it: simulate it first"
 CODE_FILTER: Final = "What the filter models is in the code of the scenario. Let it estimate or consider {}."
 TONES: Final = dict.fromkeys(CONFIRMING, "agrees") | dict.fromkeys(REFUTING, "differs")
@@ -56,7 +56,7 @@ def remedy_parts(remedies: Remedies, outputs: Outputs, command: str) -> list[Par
     notes = [
         Note(CODE_FILTER.format(several([humanize(kind) for kind in remedies.missed]))) if remedies.missed else None,
         Note(WITHHELD.format(several(remedies.withheld, NAMED))) if remedies.withheld else None,
-        Note(UNEXAMINED.format(remedies.unexamined)) if remedies.unexamined else None,
+        Note(Markup(UNEXAMINED).format(remedies.unexamined, CODE(command))) if remedies.unexamined else None,
         Note(Markup(LEFT).format(remedies.left, CODE(command))) if remedies.left else None,
     ]
     if not remedies.listed:
