@@ -21,11 +21,10 @@ from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array
 from mcnav.linear.higher_order import SecondOrder
 from mcnav.statistics.quadratic_tail import QuadraticForm
-from mcnav.statistics.whitening import whitening
 
 if TYPE_CHECKING:
-    from mcnav.analysis.comparison import Model
     from mcnav.analysis.examination import Examination
+    from mcnav.analysis.model import Model
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class CorrectedMoments:
 
 def corrected_moments(model: Model, order: SecondOrder, examined: Examination) -> CorrectedMoments:
     """Correct the moments of a linear model by derivatives, and compare them with those of an examination."""
-    linear, given = model.outcome_covariance, whitening(model.judged_covariance)
+    linear, given = model.outcome_covariance, model.whitened
     curved = linear + order.quadratic
     covariance = curved + order.third_order
     sigma, without = (np.sqrt(np.maximum(np.diag(matrix), 0.0)) for matrix in (covariance, curved))

@@ -25,10 +25,10 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.corrected_moments import CorrectedMoments
 from mcnav.analysis.examination import Examination, Linearity
 from mcnav.analysis.linear_answer import LinearRequirement, Order, judge_linearly
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Requirement, counted, is_rare, size_members, size_probability
 from mcnav.errors import NumericalError
 from mcnav.statistics.bisection import root_between

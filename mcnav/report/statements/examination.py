@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 from mcnav.report.format import number
 from mcnav.report.names import humanize, scale_of
 from mcnav.report.statements.words import joined, several
-from mcnav.statistics.whitening import whitening
 
 if TYPE_CHECKING:
     from mcnav.analysis.examination import Examination
@@ -46,7 +45,7 @@ def corrected_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
     ]
     if shown:
         yield f"Sigma to second order: {several(shown, NAMED)}", ""
-    rank = whitening(answer.model.judged_covariance).rank
+    rank = answer.model.whitened.rank
     if examined.joint is not None and examined.joint.verdict != "holds" and corrected.improves_nees(rank):
         yield f"Mean NEES to second order: {number(corrected.nees, 4)}, where linear analysis has {rank}", ""
 
