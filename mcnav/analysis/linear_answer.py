@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.analysis.box import Box
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
 from mcnav.analysis.examination import Examination, Linearity
@@ -118,6 +119,8 @@ class LinearAnswer:
         Type of its scenario.
     remarks : tuple of str
         What the scenario notices of itself; see `mcnav.contract.scenario.PlainScenario`.
+    box : Box or None
+        The worst and the best over the campaign's ranges, of which all else here has the upper ends; none without any.
     card : callable or None
         Writes it as HTML, for notebooks.
 
@@ -146,6 +149,7 @@ class LinearAnswer:
     unexamined: str = ""
     kind: str = ""
     remarks: tuple[str, ...] = ()
+    box: Box | None = None
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)
 
     @property

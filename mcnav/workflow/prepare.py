@@ -134,7 +134,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
         tails = tail_outputs(scenario.outputs, draws, flown, linear)
         unsettled = None if doubt is None else unsettled_record(doubt)
         history = drawable_history(scenario.nominal(), campaign.file)
-        remarks = scenario.remarks_on(errors.mean, errors.covariance)
+        remarks = (*campaign.remarks, *scenario.remarks_on(errors.mean, errors.covariance))
         differenced, prediction = differenced_at_epochs(scenario, engine), filter_at_epochs(scenario, engine)
         model = _describe(campaign, engine, end, linear, differenced, prediction, pairs)
     return PreparedSystem(
