@@ -133,13 +133,14 @@ def signed_estimate(number_: OffsetVerdict, place: int) -> float:
 
 
 def words(finding: Finding) -> str:
-    """Say what is wrong, without a full stop."""
-    number_ = finding.number
-    text = factor_words(number_) if isinstance(number_, CauseVerdict) else offset_words(number_)
-    if finding.rivals:
-        rivals = " or ".join(_article(plain_name(name)) for name in finding.rivals)
-        text += f". This record does not tell it apart from {rivals}"
-    return text
+    """Say what is wrong, without a full stop; of numbers that are not told apart, each as if it were it."""
+    first, *others = (
+        factor_words(number_) if isinstance(number_, CauseVerdict) else offset_words(number_)
+        for number_ in finding.alternatives
+    )
+    if not others:
+        return first
+    return f"either {first}, or {', or '.join(others)}; this record does not tell which"
 
 
 def verdict(judgement: Judgement) -> Verdict:
@@ -382,4 +383,5 @@ def content(judgement: Judgement) -> Mapping[str, Any]:
     table["factors"] = list(FACTORS)
     for finding in table["findings"]:
         finding["number"] = finding["number"]["name"]
+        finding["rivals"] = [rival["name"] for rival in finding["rivals"]]
     return table
