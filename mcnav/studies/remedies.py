@@ -100,7 +100,7 @@ def _computed(case: Case, changes: Sequence[Change], progress: Progress) -> list
     for change in changes:
         try:
             campaign = parse_campaign(change.content, case.document.file, case.document.stem, code=case.document.code)
-            then = _standing(case, answer_linearly(campaign))
+            then = _standing(case, answer_linearly(campaign, by_cause=False))
         except CampaignError:
             continue  # such as an error that has no state
         remedies.append(case.remedy(change, then))

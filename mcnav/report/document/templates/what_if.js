@@ -112,11 +112,12 @@
     return inside(0, [], factor);
   };
 
-  const FOREMOST = 6; // numbers on a first screen
+  const [FOREMOST, MANY] = [6, 16]; // numbers that are not folded on a first screen, and where there are more than so many
   all(".what-if").forEach((root_) => {
     const data = JSON.parse(root_.querySelector("script").textContent);
     const { outputs, sliders, requirements } = data;
-    const first_ = root_.classList.contains("first"); // on the first screen: what matters most, the rest folded
+    const first_ = root_.classList.contains("first"); // on the first screen
+    const brief_ = first_ || sliders.length > MANY; // what matters most, the rest folded
     const unmet = data.sampled ? "beyond" : "not met"; // of a bound of samples: it does not show the requirement
     const numbersIn = (text) => {
       const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -240,7 +241,7 @@
       const [size, unit] = sizes[largest];
       const ends = [0.01, 100, ...grades.map(([, factor]) => factor)].map(log10);
       const [low, high] = [floor(min(...ends)), ceil(max(...ends))];
-      const name = (first_ ? path.split(".").slice(-2).join(" ") : path.split(".").pop()).replace(/_/g, " ");
+      const name = (brief_ ? path.split(".").slice(-2).join(" ") : path.split(".").pop()).replace(/_/g, " ");
       const id = `what-if-${n}`;
       const range = make("input", [], { type: "range", id, min: low, max: high, step: 0.02, "aria-label": path });
       const value = make("input", [], { type: "text", inputmode: "decimal", "aria-label": `${path}${unit ? ` in ${unit}` : ""}`, autocomplete: "off" });
@@ -336,7 +337,7 @@
         set(svg, { "aria-label": `Sigma of ${name} over ${data.label}: at the end ${number(value(m, last), 3)} ${inUnit}, in the campaign ${number(value(before.m, last), 3)} ${inUnit}` });
       } };
     });
-    const first = [...new Set([...requirements.flatMap(({ members }) => members), ...outputs.keys()])].slice(0, first_ ? 4 : 9);
+    const first = [...new Set([...requirements.flatMap(({ members }) => members), ...outputs.keys()])].slice(0, brief_ ? 4 : 9);
     const plotsOf = (some) => make("div", some.map(({ element }) => element), { class: "small" });
     const others = panels.filter(({ i }) => !first.includes(i));
     const more = others.length ? make("details", [make("summary", `${others.length} more`), plotsOf(others)]) : null;
@@ -442,18 +443,18 @@
       return [...rows.keys()].sort((p, q) => largest[q] - largest[p]).slice(0, FOREMOST);
     };
     const numbers = () => {
-      if (!first_) return [choice, ...groups.values()];
+      if (!brief_) return [choice, ...groups.values()];
       const shownFirst = make("div", foremost().map((n) => rows[n].row));
       const rest = [...groups.values()].filter((group) => group.querySelector(".row"));
       const count_ = rest.reduce((sum, group) => sum + group.querySelectorAll(".row").length, 0);
-      return [shownFirst, ...(count_ ? [folded(`${count_} more`, [choice, ...rest])] : [])];
+      return [...(first_ ? [] : [choice]), shownFirst, ...(count_ ? [folded(`${count_} more`, [...(first_ ? [choice] : []), ...rest])] : [])];
     };
     root_.append(
       make("div", [state, reset, copy], { class: "bar-of-state" }),
       ...(!first_ && (data.tuned || own) ? [filterLine] : []),
       make("div", [
         make("div", numbers(), { class: "numbers" }),
-        make("div", first_ ? [...plots, folded("Numbers", [...(data.tuned || own ? [filterLine] : []), ...tables])] : [...tables.slice(0, -1), ...plots, ends], { class: "results" }),
+        make("div", first_ ? [...plots, folded("Numbers", [...(data.tuned || own ? [filterLine] : []), ...tables])] : [...tables.slice(0, -1), ...plots, brief_ ? folded("Sigmas at the end", [ends]) : ends], { class: "results" }),
       ], { class: "halves" }),
     );
     update();

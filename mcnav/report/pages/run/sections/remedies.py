@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from markupsafe import Markup, escape
@@ -11,7 +12,7 @@ from markupsafe import Markup, escape
 from mcnav.analysis.remedies import CONFIRMING, REFUTING, Remedies, Remedy
 from mcnav.contract.quantities import Output
 from mcnav.physics.units import conversion
-from mcnav.report.document.parts import Note, Part, Section, Sentence, joined
+from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table
 from mcnav.report.format import rounded
 from mcnav.report.names import humanize
@@ -41,6 +42,9 @@ LONGEST: Final = 14
 NAMED: Final = 3
 """Remedies that are named where they are withheld."""
 
+FIRST: Final = 3
+"""Remedies that are not folded."""
+
 Outputs = Sequence[Output | Variable]
 
 
@@ -63,7 +67,12 @@ def remedy_parts(remedies: Remedies, outputs: Outputs, command: str) -> list[Par
         *([HELD] if any(remedy.held for remedy in remedies.listed) else []),
         *([DRAWS] if any(remedy.samples for remedy in remedies.listed) else []),
     ])  # fmt: skip
-    return [*joined(remedy_table(remedies, outputs), *notes), Note(how)]
+    table = remedy_table(remedies, outputs)
+    rest = len(table.rows) - FIRST
+    if rest < 2:
+        return [table, *joined(*notes), Note(how)]
+    others = Folded(f"{rest} that help less", [replace(table, rows=table.rows[FIRST:], caption="")])
+    return [replace(table, rows=table.rows[:FIRST]), others, *joined(*notes), Note(how)]
 
 
 def remedy_table(remedies: Remedies, outputs: Outputs) -> Table[Remedy]:

@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from mcnav.arrays.types import Array
-from mcnav.report.document.parts import Folded, Heading, Note, Part, Sentence
+from mcnav.report.document.parts import Folded, Heading, Note, Part
 from mcnav.report.document.table import STRONG, Column, Table
 from mcnav.report.figures.sources import SHOWN, flown_shares
 from mcnav.report.format import share
@@ -38,7 +38,7 @@ def simulated_budget(content: RunAnalysis) -> list[Part]:
     alone, sobol = simulated["alone"], simulated["sobol"]
     heading = Heading("Linear and Monte Carlo budget")
     if "failed" in alone:
-        return [heading, Sentence(f"The simulations of single sources are not available: {alone['failed']}.")]
+        return [heading, Note(f"The simulations of single sources are not available: {alone['failed']}.")]
     variances = np.diag(content.comparison.covariance_linear)
     active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
     least = NEGLIGIBLE if len(active) > SHOWN else 0.0
