@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from mcnav.analysis.combinations import FixedCombination, fixed_combinations
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array
 from mcnav.linear.departure_model import DepartureModel
-from mcnav.statistics.whitening import Whitening, whitening
+from mcnav.statistics.whitening import Whitening
 
 HOLDS: Final = 0.8
 """Share of the tolerance on sigma ratios within which linear analysis holds."""
@@ -219,7 +219,7 @@ def examine(
     drawn : ndarray, shape (n, r), optional
         Normals along the axes over which the polynomial is averaged, where the errors are not normal.
     """
-    linear, given = model.outcome_covariance, whitening(model.judged_covariance)
+    linear, given = model.outcome_covariance, model.whitened
     squares = _Squares(departure.mean, given)
     missed = squares.of(flights.linear, flights.departures) - squares.of(flights.linear, departure.at(flights.normals))
     added = _Bounded.of_pairs(missed) + _expected(squares, departure, drawn)
@@ -302,10 +302,9 @@ def _judge(variance: float, added: float, half: float, floor: float, tolerance: 
 
 def _judge_fixed(model: Model, flights: CheckFlights, tolerance: float) -> list[Linearity]:
     """Judge the combinations of outputs that linear analysis holds fixed."""
-    judged = model.judged_covariance
-    sigma = np.sqrt(np.diag(judged))
+    sigma = np.sqrt(np.diag(model.judged_covariance))
     fixed = fixed_combinations(
-        model.partials, model.covariance, list(model.processes.values()), sigma, whitening(judged).rank, model.floor
+        model.partials, model.covariance, list(model.processes.values()), sigma, model.whitened.rank, model.floor
     )
     departures = flights.departures if flights.noise is None else flights.departures + flights.noise[1]
     return [_judge_combination(combination, sigma, departures, tolerance) for combination in fixed]

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.analysis.box import Box
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.examination import Examination, Linearity
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.floor import CANCELLED
@@ -21,6 +21,7 @@ from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
 from mcnav.analysis.mean_errors import departures
+from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
@@ -118,6 +119,8 @@ class LinearAnswer:
         Type of its scenario.
     remarks : tuple of str
         What the scenario notices of itself; see `mcnav.contract.scenario.PlainScenario`.
+    box : Box or None
+        The worst and the best over the campaign's ranges, of which all else here has the upper ends; none without any.
     card : callable or None
         Writes it as HTML, for notebooks.
 
@@ -146,6 +149,7 @@ class LinearAnswer:
     unexamined: str = ""
     kind: str = ""
     remarks: tuple[str, ...] = ()
+    box: Box | None = None
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)
 
     @property

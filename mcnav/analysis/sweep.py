@@ -13,6 +13,7 @@ from mcnav.analysis.mean_errors import UNDISTURBED, in_sigmas
 from mcnav.analysis.summary import Summary
 from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
+from mcnav.physics.ranges import written
 
 Point = tuple[float, ...]
 """Values of the variables, in their units."""
@@ -54,9 +55,7 @@ class Variable:
         """Return a value as a campaign file has it; a whole number without a unit is an integer."""
         if self.words:
             return self.words[int(value)]
-        if self.unit:
-            return f"{float(value)!r} {self.unit}"
-        return int(value) if float(value).is_integer() and abs(value) < 1e15 else float(value)
+        return written(value, self.unit)
 
     def along(self, value: float) -> float:
         """Return the place of a value on the axis: its logarithm on a logarithmic one."""

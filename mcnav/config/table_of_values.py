@@ -14,10 +14,10 @@ from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE
 from mcnav.errors import suggestion
+from mcnav.files.parquet_reading import table_from
 from mcnav.files.whole import TextError, read_whole, text_of
 from mcnav.physics.units import UnitError, quantity
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
-from mcnav.store.chunk_files import table_from
 from mcnav.store.run_files import TABLES
 
 TABLE: Final = "table"

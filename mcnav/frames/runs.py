@@ -44,6 +44,7 @@ from mcnav.report.pages.sweep import frame
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
 from mcnav.store.run_folder import RunFolder
+from mcnav.studies.boxed_run import campaign_to_run
 from mcnav.studies.linear_answers import read_times
 from mcnav.studies.run_remedies import advise_run
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
@@ -359,7 +360,7 @@ def run(
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
         raise ValueError(f"jobs must be a whole number of at least 1; got {jobs!r}")
     with _named_as_here():
-        described = campaign_from(campaign, instead)
+        described = campaign_to_run(campaign_from(campaign, instead), None, instead)
         workflow.run_campaign(described, Path(folder), engine, jobs, fresh, force=force, advise=advise_run)
     return RunResult(Path(folder))
 
@@ -385,7 +386,9 @@ def run_campaign(
     >>> mc.run_campaign("reports/first/campaign.toml", "reports/first", None, 1).simulated  # all are stored
     0
     """
-    return workflow.run_campaign(campaign_from(campaign), Path(path), engine, jobs, **options)
+    return workflow.run_campaign(
+        campaign_to_run(campaign_from(campaign), None, {}), Path(path), engine, jobs, **options
+    )
 
 
 def check_scenario(campaign: Description) -> list[Check]:

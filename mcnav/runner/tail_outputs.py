@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch

@@ -30,18 +30,15 @@ from mcnav.arrays.types import Array
 from mcnav.contract.history import NOMINAL_FLIGHT, History, Panel
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.files.parquet import arrow_table, numbers_in, parquet_bytes
+from mcnav.files.parquet import arrow_table, columns_in, parquet_bytes
+from mcnav.files.parquet_reading import LARGEST_TABLE, MOST_EXPANSION, read_table, table_from
 from mcnav.files.whole import INPUTS, is_temporary, read_whole, to_json, write_whole
 from mcnav.store.chunk_files import (
-    LARGEST_CHUNK,
-    MOST_EXPANSION,
     STATUS,
     ChunkFile,
     Samples,
-    in_order,
     put,
     room_for,
-    table_from,
 )
 from mcnav.store.development import development_in, development_table
 from mcnav.store.histories import first_histories
@@ -296,7 +293,7 @@ class RunFolder:
         layout = manifest.sample_schema
         begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
         columns = sum(map(len, (layout.errors, layout.outputs, layout.linear, layout.filter))) + 2
-        room = LARGEST_CHUNK + sum(min(MOST_EXPANSION * result.stat().st_size, LARGEST_CHUNK) for result in present)
+        room = LARGEST_TABLE + sum(min(MOST_EXPANSION * result.stat().st_size, LARGEST_TABLE) for result in present)
         if 8 * begins[-1] * columns > room and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)
@@ -304,8 +301,7 @@ class RunFolder:
         def read(chunk: ChunkFile, begin: int) -> bool:
             table = _verified(folder / chunk.file, chunk, stored_rows)
             try:
-                put(table, layout, samples, begin)
-                return in_order(table, begin)
+                return put(table, layout, samples, begin)
             except (pa.ArrowException, KeyError, TypeError, ValueError):
                 raise RunFolderError(f"{folder / chunk.file}: does not have this run's columns") from None
 
@@ -322,7 +318,7 @@ class RunFolder:
     def history(self) -> History:
         """Read the history of the truth; `RunFolderError` when it cannot be read."""
         with _reading(self.path / HISTORY, "is missing or damaged"):
-            table = table_from(read_whole(self.path / HISTORY, LARGEST_JSON))
+            table = read_table(self.path / HISTORY, LARGEST_JSON)
             marks = table.schema.metadata or {}
             events, described = json.loads(marks[b"mcnav.events"]), json.loads(marks[b"mcnav.panels"])
             panels = tuple(
@@ -330,7 +326,7 @@ class RunFolder:
             )
             outages = json.loads(marks.get(b"mcnav.outages", b"{}"))
             title = marks.get(b"mcnav.title", NOMINAL_FLIGHT.encode()).decode()
-            return check_history(History(_columns(table), events, panels, outages, title))
+            return check_history(History(columns_in(table), events, panels, outages, title))
 
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
@@ -341,8 +337,8 @@ class RunFolder:
         if not path.exists():
             return None
         with _reading(path, "is damaged"):
-            table = table_from(read_whole(path, LARGEST_JSON))
-            return _columns(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
+            table = read_table(path, LARGEST_JSON)
+            return columns_in(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
 
     def histories(
         self, samples: int, expected: Sequence[str] | None = None, name: str = HISTORIES
@@ -389,10 +385,6 @@ def history_table(history: History) -> bytes:
     return parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks))
 
 
-def _columns(table: pa.Table) -> dict[str, Array]:
-    return {name: numbers_in(table.column(name)) for name in table.column_names}
-
-
 def _content_of(file: InputFile) -> bytes:
     """Read a file again; `RunFolderError` when it has changed."""
     try:
@@ -414,7 +406,7 @@ def _refuse_strangers(present: Sequence[Path], listed: Set[str]) -> None:
 def _verified(path: Path, chunk: ChunkFile, stored_rows: int | None) -> pa.Table:
     """Read the samples of one chunk."""
     try:
-        content = read_whole(path, LARGEST_CHUNK)
+        content = read_whole(path, LARGEST_TABLE)
     except OSError as failure:
         raise RunFolderError(f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again") from None
     if hashlib.sha256(content).hexdigest() != chunk.sha256:

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.examination import CheckFlights, CorrectedMoments, Examination, examine, refuse
+from mcnav.analysis.model import Model
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.samples import Batch

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.answer_times import as_read
+from mcnav.analysis.box import Box, Extreme, Spread
 from mcnav.analysis.examination import Examination
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.linear_covariance import LinearCovariance
@@ -97,11 +98,13 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 **({"exceedance_curved": requirement.curved} if math.isfinite(requirement.curved) else {}),
                 "time": requirement.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
+                **({} if answer.box is None else _spread_entry(answer.box.requirements[number])),
             }
             for number, requirement in enumerate(answer.requirements)
         ],
         **_size_rows(answer, names),
         "mean_by_cause": answer.means,
+        **({} if answer.box is None else box_entry(answer.box, names)),
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
         **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
         **({"gates": gates_entry(answer)} if answer.rejections is not None else {}),
@@ -113,6 +116,36 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "time": None if history is None else history.readings.label,
         "rows": [] if history is None else _rows(history, answer.readings_beyond(history), smoothed),
     }  # fmt: skip
+
+
+def box_entry(box: Box, names: Sequence[str]) -> Mapping[str, object]:
+    """Arrange what ranges do as ``lincov.json`` has it: the worst and the best of each output, and their settings."""
+
+    def side(extremes: Sequence[Extreme], ratio: Extreme | None, verdict: LinearVerdict | None) -> dict[str, object]:
+        settings = {name: dict(extreme.setting) for name, extreme in zip(names, extremes, strict=True)}
+        entry: dict[str, object] = {"sigma": [extreme.value for extreme in extremes], "setting": settings}
+        if ratio is not None and verdict is not None:
+            entry["filter"] = {"ratio": ratio.value, "setting": dict(ratio.setting), **_filter_entry(verdict)}
+        return entry
+
+    filtered = box.filter
+    known = None if filtered is None else filtered.ratio
+    return {
+        "ranges": dict(box.ranges),
+        "worst": side([spread.worst for spread in box.outputs], None if known is None else known.worst,
+                      None if filtered is None else filtered.optimistic),
+        "best": side([spread.best for spread in box.outputs], None if known is None else known.best,
+                     None if filtered is None else filtered.pessimistic),
+        "exact": box.exact,
+        "settings": box.settings,
+        "systems": box.systems,
+        "held": list(box.held),
+        "narrowed": [asdict(row) for row in box.narrowed],
+    }  # fmt: skip
+
+
+def _spread_entry(spread: Spread) -> Mapping[str, object]:
+    return {"worst": spread.worst.value, "best": spread.best.value, "setting": dict(spread.worst.setting)}
 
 
 def examination_entry(examined: Examination, names: Sequence[str]) -> Mapping[str, object]:

@@ -11,13 +11,13 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.gates import GateAnswer, answer_gates
 from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, where_linear, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
+from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.withheld import with_rejections
@@ -73,6 +73,10 @@ def linear_covariance(campaign: Description, times: Array | None = None, examine
         gates = _gates(described)
         if examine is not False and answer.beyond is None:
             answer = _examined(answer, described, math.inf if examine else perf_counter() - began)
+        if described.ranges:
+            from mcnav.studies.box import answer_box  # which asks for linear answers of this module
+
+            answer = replace(answer, box=answer_box(described, answer))
     return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=outages_of(described)))
 
 
@@ -144,8 +148,8 @@ def answer_linearly(described: Campaign, times: Array | None = None, by_cause: b
         known = [each for each in (history, asked) if each is not None]
         asked_epochs = sorted({epoch for record in described.requirements for epoch in record.epochs or ()})
         laws, rejections = rejections_of(scenario, described.errors, described.tolerance, asked_epochs)
-        filtered = _judge_filter(answer, known, scenario, described)
-        smoother = None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described)
+        filtered = judge_filter_of(answer, known, scenario, described.tolerance)
+        smoother = None if smoothed is None else judge_filter_of(answer, [smoothed], scenario, described.tolerance)
         return replace(
             answer,
             requirements=within_range(
@@ -166,8 +170,8 @@ def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer 
     return replace(verdict, verdict=Honesty.UNDECIDED)
 
 
-def _judge_filter(
-    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, campaign: Campaign
+def judge_filter_of(
+    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, tolerance: float
 ) -> LinearVerdict | None:
     """Judge a filter, or a smoother, at the readings that are known, within the range of linear analysis."""
     schema = scenario.filter_schema
@@ -178,8 +182,8 @@ def _judge_filter(
         [output.name for output in answer.outputs],
         list(schema.groups),
         [source.name for source in answer.sources],
-        campaign.errors.covariance,
-        campaign.tolerance,
+        answer.model.covariance,
+        tolerance,
         [output.unit for output in answer.outputs],
         answer.model.floor,
         answer.model.scales,

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.exceedance import Event, allowed_share, most_likely_way, samples_deciding
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Requirement, is_rare, size_probability
 from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array, IndexArray

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.gates import predict_faults
 from mcnav.analysis.mean_errors import rounding_of_means
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Requirement, requirements_from
 from mcnav.analysis.what_if import pairs_over_time
 from mcnav.config.campaign import Campaign
@@ -132,7 +132,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
         )
         unsettled = None if doubt is None else unsettled_record(doubt)
         history = drawable_history(scenario.nominal(), file)
-        remarks = scenario.remarks_on(mean, covariance)
+        remarks = (*campaign.remarks, *scenario.remarks_on(mean, covariance))
     return PreparedSystem(
         campaign, draws, engine, engine_name, record, linear, requirements, differenced, prediction, history,
         unsettled, remarks,

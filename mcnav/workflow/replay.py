@@ -20,7 +20,8 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_replay
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.threads import one_thread
-from mcnav.files.whole import INPUTS, read_whole, write_whole
+from mcnav.files.parquet_reading import read_table
+from mcnav.files.whole import INPUTS, write_whole
 from mcnav.linear.at_epochs import linear_at_epochs
 from mcnav.linear.polynomial import PolynomialFitError
 from mcnav.linear.polynomial_engine import exact_part, prepare_engine
@@ -34,11 +35,9 @@ from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.soundness import isolated
 from mcnav.runner.worker_processes import end_workers
 from mcnav.store.chunk_files import (
-    LARGEST_CHUNK,
     STATUS,
     chunk_name,
     samples_from,
-    table_from,
     tracebacks_in,
     verify_chunk,
 )
@@ -293,7 +292,7 @@ def _stored(
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""
     try:
-        table = table_from(read_whole(path, LARGEST_CHUNK), text=STATUS)
+        table = read_table(path, text=STATUS)
         samples = samples_from(table, manifest.sample_schema)
     except (OSError, LookupError, TypeError, ValueError):
         raise RunFolderError(f"{path}: does not have this run's columns; run the campaign again") from None

@@ -8,10 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.judgement.assessment import FACTORS, LEVEL
+from mcnav.judgement.assessment import LEVEL
 from mcnav.judgement.findings import DELAY, CauseVerdict, Finding, OffsetVerdict
-from mcnav.judgement.likelihood import Factor
+from mcnav.judgement.profile import Factor
 from mcnav.judgement.verdict import Judgement, NeesVerdict, SensorVerdict, Statistic
+from mcnav.judgement.whitened_records import FACTORS
 from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Lines, Note, Part, Sentence, Verdict, joined
 from mcnav.report.document.table import Cell, Column, Table

@@ -22,6 +22,7 @@ from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels, short_name
 from mcnav.report.format import number
 from mcnav.report.names import scale_of, unit_words
+from mcnav.report.statements.box import box_words
 from mcnav.report.statements.examination import examination_words
 from mcnav.report.statements.lincov import (
     cause_words,
@@ -71,7 +72,8 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
             )
         else:
             words = f"{failed} of {count} requirements{partly} {'is' if failed == 1 else 'are'} not met"
-        return words, TONES["not met" if failed else "met"]
+        where = " at the upper ends of the ranges" if answer.box is not None and answer.box.varies else ""
+        return f"{words}{where}", TONES["not met" if failed else "met"]
     names = largest_causes(answer)
     if not names:
         return f"No {end_words(answer.outputs).one} has any dispersion", "undecided"
@@ -82,7 +84,13 @@ def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst."""
     answer = as_read(answer)
     large = list(large_mean_words(answer))
-    said = [*examination_words(answer), *range_words(answer), *rejection_words(answer), *filter_words(answer)]
+    said = [
+        *box_words(answer),
+        *examination_words(answer),
+        *range_words(answer),
+        *rejection_words(answer),
+        *filter_words(answer),
+    ]
     if answer.beyond is None or any(requirement.judged for requirement in answer.requirements):
         said.append(headline(answer))
     return [*large, *worst_first([*said, *([] if large else mean_words(answer)), *size_words(answer)])]

@@ -38,6 +38,7 @@ from mcnav.report.drawing.figure import Figure, bare
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.format import number
 from mcnav.report.names import humanize, scale_of
+from mcnav.report.pages.box import box_section, box_tables
 from mcnav.report.pages.lincov import (
     RequirementRow,
     SizeRow,
@@ -103,6 +104,8 @@ def page(
     if answer.requirements:
         parts = joined(requirement_table(answer), drawn.requirements(answer, outages))
         sections.append(Section("requirements", "Requirements", parts))
+    if (ranges := box_section(answer)) is not None:
+        sections.append(ranges)
     if moving is not None:
         over_time = "Errors and dispersions over time" if any(kinds_of(answer.outputs)) else "Errors over time"
         sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
@@ -163,6 +166,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
     (words, tone), *others = statements(answer)
     tables = [
         requirement_table(answer) if answer.requirements else None,
+        *box_tables(answer),
         None if answer.asked is None else reading_table(answer, answer.asked),
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),

@@ -12,8 +12,9 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
 from mcnav.analysis.linearity import alone
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.contract.quantities import source_labels
