@@ -237,10 +237,11 @@ def _check_soundness(campaign: Campaign) -> None:
     if not is_users(campaign.scenario):
         return
     from mcnav.runner.draws import DrawPlan  # with a run's files, which other scenarios do not need
-    from mcnav.runner.soundness import find_doubt
+    from mcnav.runner.soundness import exact_engine, find_doubt
 
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)
+    engine = exact_engine(campaign.scenario, draws.probes(), campaign.sample_timeout)
+    doubt = find_doubt(campaign.scenario, engine, campaign.errors, campaign.tolerance)
     if doubt is not None:
         raise CampaignError([Problem(campaign.file, "scenario", str(doubt))])
 

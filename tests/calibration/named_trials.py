@@ -157,7 +157,7 @@ class Row:
     named, rivals : str
         The first verdict, and what is not told apart from it, with blanks between.
     right, holds : bool
-        Whether it is the wrong thing, and whether its interval holds the true value.
+        Whether the wrong thing is among them, and whether an interval of theirs holds the true value.
     left : float
         Probability of a record as unusual once the first verdict is pasted.
     stated, excluded : str
@@ -194,16 +194,18 @@ def trial(wrong: str, seed: int) -> Row:
     drops = dict(zip(present(record), against.drops.tolist(), strict=True))
     numbers = with_intervals(*list_numbers(of_campaign, own), () if finding is None else (finding,), changes, drops)
     names = [number.name for number in (*numbers[0], *numbers[1])]
-    others = [number for number in (*numbers[0], *numbers[1]) if finding is None or number.name != finding.number.name]
+    # what is named for certain is counted apart
+    certain = finding.number.name if finding is not None and not finding.rivals else ""
+    others = [number for number in (*numbers[0], *numbers[1]) if number.name != certain]
     excluded = [number.name for number in others if not holds(number, flown)]
     fault = fault_named(recording, "")
     if finding is None:
         return Row(wrong, seed, fault, probability, stated=" ".join(names), excluded=" ".join(excluded))
-    right = expected in (finding.number.name, *finding.rivals)
+    first, *rivals = (number.name for number in finding.alternatives)
     return Row(
-        wrong, seed, fault, probability, finding.number.name, " ".join(finding.rivals), right,
-        holds(finding.number, flown), afterwards(recording, finding), " ".join(number.name for number in others),
-        " ".join(excluded),
+        wrong, seed, fault, probability, first, " ".join(rivals), expected in (first, *rivals),
+        any(holds(number, flown) for number in finding.alternatives), afterwards(recording, finding),
+        " ".join(number.name for number in others), " ".join(excluded),
     )  # fmt: skip
 
 
@@ -289,7 +291,7 @@ def count(rows: Sequence[Row]) -> Tally:
             continue
         add("power", row, "alarm", row.probability <= LEVEL)
         add("power", row, "named first, or with what is not told apart", row.right)
-        if row.named == WRONG[row.wrong][1]:
+        if row.right:
             add("coverage", row, "interval of what is wrong", row.holds)
             add("power", row, "nothing left once it is pasted", row.left > LEVEL)
     return result
@@ -306,11 +308,12 @@ def print_rates(rows: Sequence[Row]) -> None:
             print(f"| {wrong} | {len(own)} | | {named} | {named} | | | |")
             continue
         first = [row for row in own if row.named and row.named == WRONG[wrong][1]]
+        right = [row for row in own if row.right]
         others = sorted({row.named for row in own} - {WRONG[wrong][1], ""})
         print(
             f"| {wrong} | {len(own)} | {sum(row.probability <= LEVEL for row in own)} | {len(first)} | "
-            f"{sum(row.right for row in own)} | {sum(row.holds for row in first)} of {len(first)} | "
-            f"{sum(row.left > LEVEL for row in first)} of {len(first)} | {', '.join(others)} |"
+            f"{len(right)} | {sum(row.holds for row in right)} of {len(right)} | "
+            f"{sum(row.left > LEVEL for row in right)} of {len(right)} | {', '.join(others)} |"
         )
 
 
