@@ -100,7 +100,7 @@ def with_values(content: Mapping[str, Any], values: Mapping[Place, object]) -> C
 def _with(entry: Any, place: Place, value: object) -> Any:
     if not place:
         return value
-    copied = dict(entry) if isinstance(entry, Mapping) else list(entry)
+    copied: Any = dict(entry) if isinstance(entry, Mapping) else list(entry)
     copied[place[0]] = _with(entry[place[0]], place[1:], value)
     return copied
 
