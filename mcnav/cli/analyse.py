@@ -11,6 +11,7 @@ from mcnav.cli import next_command
 from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
+    Examine,
     FormatOption,
     Jobs,
     columns_of,
@@ -46,13 +47,7 @@ def lincov(
     remedies: Annotated[
         bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
     ] = False,
-    examine: Annotated[
-        bool | None,
-        typer.Option(
-            "--examine/--no-examine",
-            help="Simulate some flights to see where linear analysis holds [default: where that is quick].",
-        ),
-    ] = None,
+    examine: Examine = None,
     form: FormatOption = "table",
 ) -> None:
     """Compute the linear covariance, and examine where it holds.
@@ -223,6 +218,7 @@ def allocate(
     confirm: Annotated[
         int, typer.Option(metavar="N", min=0, help="Simulate the N smallest changes; 0: linear analysis alone.")
     ] = 3,
+    examine: Examine = None,
     jobs: Jobs = 2,
     folder: Annotated[Path | None, out_folder("reports/NAME_allocate")] = None,
     form: FormatOption = "table",
@@ -242,7 +238,7 @@ def allocate(
 
     with progress.shown(err) as shown:
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_allocate")
-        result, files = write_allocation(campaign, target, shown, confirm, jobs)
+        result, files = write_allocation(campaign, target, shown, confirm, jobs, examine)
     if form != "table":
         print_rows(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return

@@ -5,6 +5,7 @@ neighbouring clusters. Of the processes it is
 
     white noise              N²/τ
     rate random walk         K² τ/3
+    flicker noise            (2 ln 2/π) B²
     quantization             3 Q²/τ²
     Gauss-Markov process     (2 σ² T/τ) [1 − (T/2τ)(3 − 4 exp(−τ/T) + exp(−2τ/T))]
 
@@ -23,7 +24,15 @@ from scipy.stats import chi2, norm
 
 from mcnav.arrays.products import transformed_variances
 from mcnav.arrays.types import Array
-from mcnav.identification.processes import GAUSS_MARKOV, QUANTIZATION, RATE_RANDOM_WALK, WHITE, Grid, Model
+from mcnav.identification.processes import (
+    FLICKER,
+    GAUSS_MARKOV,
+    QUANTIZATION,
+    RATE_RANDOM_WALK,
+    WHITE,
+    Grid,
+    Model,
+)
 
 PER_DECADE: Final = 6
 """Cluster times in a decade."""
@@ -33,6 +42,9 @@ FEWEST: Final = 4
 
 OVERLAP: Final = 8
 """Positions in a cluster at which differences are taken; more tell next to nothing."""
+
+FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
+"""Allan deviation of flicker noise over its bias instability B, 0.664."""
 
 LAGS: Final = 4096
 """Autocovariances of the differences that are computed, in blocks."""
@@ -124,6 +136,8 @@ def model_variance(model: Model, logs: Array, time: float) -> float:
             total += squared / time
         elif process is RATE_RANDOM_WALK:
             total += squared * time / 3.0
+        elif process is FLICKER:
+            total += FLOOR**2 * squared
         elif process is QUANTIZATION:
             total += 3.0 * squared / time**2
         elif process is GAUSS_MARKOV:

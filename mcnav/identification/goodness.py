@@ -5,7 +5,8 @@ p-values p is so small that ``1 − (1 − p)³ < 0.05`` (Šidák 1967). They ar
 the model is chosen from the same record: what might be a trend is often taken for a slow process. Of 4,171 simulated
 records of the catalogue's grades 5.1 % are rejected, with the exponent four 3.8 %; the exponent was chosen by them.
 
-    line       the largest ordinate over its variance, of n − 1 independent χ²₁: P = 1 − F(x)^(n−1)
+    line       the largest ordinate over its variance, of m independent χ²₁: P = 1 − F(x)^m; the m ordinates are those
+               with `PERIODS` periods or more in the record: fewer are no line, but a slow process or a trend
     shape      sums of ordinates over their variances, in octaves, against their numbers; the estimates' own share by
                simulation of the bands with one step of scoring each
     trend      −2 log L with and without a linear trend of the readings (`mcnav.identification.trend`)
@@ -22,7 +23,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from mcnav.arrays.types import Array
-from mcnav.identification.fit import Candidate
+from mcnav.identification.estimates import Candidate
 from mcnav.identification.processes import Grid
 from mcnav.identification.spectrum import Bands, Record, in_bands
 from mcnav.identification.trend import trend_p_value
@@ -32,6 +33,9 @@ SIMULATIONS: Final = (500, 3500)
 
 SEGMENTS: Final = 50
 """Segments of the test of steadiness."""
+
+PERIODS: Final = 5
+"""Fewest periods of a spectral line in the record; an ordinate of order j has j/2."""
 
 SIZE: Final = 0.05
 
@@ -114,15 +118,16 @@ def _variances(candidate: Candidate, grid: Grid) -> Array:
 
 def _check_line(candidate: Candidate, record: Record) -> Finding:
     """Look for a spectral line."""
-    largest, order, step = 0.0, 1, 1 << 18
-    for begin in range(0, len(record.ordinates), step):
+    first = 2 * PERIODS - 1
+    largest, order, step = 0.0, first + 1, 1 << 18
+    for begin in range(first, len(record.ordinates), step):
         part = record.ordinates[begin : begin + step]
         grid = Grid(record.interval, record.count, np.arange(begin + 1.0, begin + 1.0 + len(part)))
         ratio = part / _variances(candidate, grid)
         at = int(np.argmax(ratio))
         if ratio[at] > largest:
             largest, order = float(ratio[at]), begin + at + 1
-    p = -np.expm1(len(record.ordinates) * np.log1p(-chi2.sf(largest, 1)))
+    p = -np.expm1((len(record.ordinates) - first) * np.log1p(-chi2.sf(largest, 1)))
     return Finding("line", float(p), 0.5 * order / record.duration)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mcnav.arrays.types import Array
-from mcnav.identification.fit import AxisFit, Estimate, fit
+from mcnav.identification.estimates import Estimate
+from mcnav.identification.fit import AxisFit, fit
 from mcnav.identification.goodness import Goodness, check_fit
 from mcnav.identification.spectrum import Record, transform
 
@@ -92,13 +93,14 @@ class IdentifiedNoise:
     def frame(self) -> pd.DataFrame:
         """The estimates, a row a parameter: ``value`` with ``value_from`` and ``value_to`` at 95 %, ``identified``.
 
-        SI units, listed in `mcnav.identification.processes`. An end that the record does not show is zero or infinite.
+        ``certain`` is false where a model without the parameter's process fits the record nearly as well. SI units,
+        listed in `mcnav.identification.processes`. An end that the record does not show is zero or infinite.
         """
         import pandas as pd
 
         rows = [
             {"parameter": estimate.name, "value": estimate.value, "value_from": estimate.low,
-             "value_to": estimate.high, "identified": estimate.identified}
+             "value_to": estimate.high, "identified": estimate.identified, "certain": estimate.certain}
             for estimate in self.estimates
         ]  # fmt: skip
         return pd.DataFrame(rows).set_index("parameter")
@@ -109,6 +111,8 @@ class IdentifiedNoise:
         worst = self.goodness.worst
         fits = "the model fits" if not self.goodness.rejected else f"the model does not fit: {worst}"
         lines.append(f"{fits} (p = {self.goodness.p:.2g}); margin over the next model {self.margin:.3g}")
+        if self.fitted.rivals:
+            lines.append(f"the record cannot tell {' or '.join(self.fitted.ambiguities)}")
         return "\n".join([*lines, *([self.limits] if self.part else [])])
 
     __repr__ = __str__
@@ -132,10 +136,11 @@ def _line(estimate: Estimate) -> str:
 
 
 def identify_noise(readings: ArrayLike, interval: float, below: float | None = None) -> IdentifiedNoise:
-    """Estimate white noise, quantization, a rate random walk and a Gauss-Markov process from static readings.
+    """Estimate white noise, quantization, flicker noise, a rate random walk and a Gauss-Markov process.
 
-    The likelihood is that of the record's cosine transform (Whittle), exact for white noise and random walks; intervals
-    are profiles of it. Quantization and slow processes are in the model where the likelihood wants them.
+    The likelihood is that of the cosine transform of readings at rest (Whittle), exact for white noise and random
+    walks; intervals are profiles of it, over all models that fit nearly as well. Quantization and at most two slow
+    processes are in the model where the likelihood wants them.
 
     Parameters
     ----------
@@ -165,7 +170,7 @@ def identify_noise(readings: ArrayLike, interval: float, below: float | None = N
     >>> [each.name for each in noise.estimates]
     ['random_walk']
     >>> noise.frame.columns.tolist()
-    ['value', 'value_from', 'value_to', 'identified']
+    ['value', 'value_from', 'value_to', 'identified', 'certain']
     """
     values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or len(values) < FEWEST:

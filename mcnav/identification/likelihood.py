@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
 
 from mcnav.arrays.types import Array
 from mcnav.identification.processes import CORRELATION_TIME, Grid, Model
@@ -151,47 +150,49 @@ def maximize_many(
     return logs, values
 
 
-def profile_interval(model: Model, bands: Bands, best: Maximum, parameter: int) -> tuple[float, float]:
-    """Find the 95 % interval of a parameter's logarithm; an end that the record does not show is infinite."""
-    limit = float(chi2.ppf(0.95, 1))
+def profile_end(
+    model: Model, bands: Bands, best: Maximum, parameter: int, sign: float, rise: float, reached: float
+) -> float:
+    """Find the end of an interval of a parameter's logarithm, where −2 log L is larger by ``rise`` than at the maximum.
+
+    Parameters
+    ----------
+    sign : float
+        1 for the upper end, −1 for the lower one.
+    reached : float
+        A logarithm that the interval already reaches, which is returned where the end is not beyond.
+    """
+    center = float(best.logs[parameter])
     sd = min(1.0 / np.sqrt(max(information(model, bands, best.logs)[parameter, parameter], 1e-12)), FLAT)
     lowest, highest = limits(model, bands.grid)
+    bound = (highest if sign > 0.0 else lowest)[parameter]
+    reach = abs(bound - center) if np.isfinite(bound) else REACH
+    known: list[tuple[float, Array]] = [(0.0, best.logs)]
 
-    def end(sign: float) -> float:
-        reach = REACH
-        if sign > 0.0 and np.isfinite(highest[parameter]):
-            reach = highest[parameter] - best.logs[parameter]
-        if sign < 0.0 and np.isfinite(lowest[parameter]):
-            reach = best.logs[parameter] - lowest[parameter]
-        known: list[tuple[float, Array]] = [(0.0, best.logs)]
+    def excess(distance: float) -> float:
+        start = min(known, key=lambda pair: abs(pair[0] - distance))[1].copy()
+        start[parameter] = center + sign * distance
+        profile = maximize(model, bands, start, held=(parameter,))
+        known.append((distance, profile.logs))
+        return profile.deviance - best.deviance - rise
 
-        def excess(distance: float) -> float:
-            start = min(known, key=lambda pair: abs(pair[0] - distance))[1].copy()
-            start[parameter] = best.logs[parameter] + sign * distance
-            profile = maximize(model, bands, start, held=(parameter,))
-            known.append((distance, profile.logs))
-            return profile.deviance - best.deviance - limit
-
-        inner, outer = 0.0, min(2.0 * sd, reach)
-        above = excess(outer)
-        while not above >= 0.0:
-            if outer >= reach or not above >= -limit - NEAR:
-                return sign * np.inf
-            inner, outer = outer, min(2.0 * outer, reach)
-            above = excess(outer)
-        while outer - inner > max(1e-3 * sd, 1e-9):
-            # a parabola from the maximum is near the profile; the middle makes sure
-            parabola, margin = outer * np.sqrt(limit / (limit + above)), 0.05 * (outer - inner)
-            trial = parabola if inner + margin < parabola < outer - margin else 0.5 * (inner + outer)
-            value = excess(trial)
-            if not value >= -limit - NEAR:
-                return sign * np.inf  # a larger likelihood than the maximum, or none: the record does not show an end
-            if value < 0.0:
-                inner = trial
-            else:
-                outer, above = trial, value
-            if abs(value) < NEAR:
-                return float(best.logs[parameter] + sign * trial)
-        return float(best.logs[parameter] + sign * 0.5 * (inner + outer))
-
-    return end(-1.0), end(1.0)
+    inner = max(sign * (reached - center), 0.0)
+    if inner >= reach or (inner > 0.0 and excess(inner) >= 0.0):
+        return reached
+    outer = min(inner + 2.0 * sd, reach)
+    while not (above := excess(outer)) >= 0.0:
+        if outer >= reach:
+            return sign * np.inf
+        inner, outer = outer, min(2.0 * outer, reach)
+    while outer - inner > max(1e-3 * sd, 1e-9):
+        # a parabola from the maximum is near the profile; the middle makes sure
+        parabola, margin = outer * np.sqrt(rise / (rise + above)), 0.05 * (outer - inner)
+        trial = parabola if inner + margin < parabola < outer - margin else 0.5 * (inner + outer)
+        value = excess(trial)
+        if value < 0.0:
+            inner = trial
+        else:
+            outer, above = trial, value
+        if abs(value) < NEAR:
+            return float(center + sign * trial)
+    return float(center + sign * 0.5 * (inner + outer))

@@ -6,13 +6,15 @@ A record of n readings, each the mean of a rate over an interval Δ, has the ort
     white noise              N²/Δ
     rate random walk         K² Δ (1/s − 1/6)
     quantization             (Q/Δ)² (s + (4/n) cos²(ω/2))
+    flicker (1/f) noise      B² s r_j [ζ(3, x) + ζ(3, 1 − x)] / (2π)³,  x = ω/2π
     Gauss-Markov process     σ² h(ω; ρ),  ρ = exp(−Δ/τ)
 
 White noise and a random walk have uncorrelated ``c_j``: the differences of their readings have a tridiagonal Toeplitz
-covariance, which the sine transform diagonalizes. Of the others the variances are exact, ends of the record included,
-and the correlations of the order 1/n.
+covariance, which the sine transform diagonalizes. Of the others the variances are exact, ends of the record included
+(of flicker noise in the limit of many readings), and the correlations of the order 1/n; of flicker noise the first and
+the third coefficient have −0.12, others less.
 
-Units: a gyro's N is in rad/sqrt(s), K in rad/s/sqrt(s), σ in rad/s, Q in rad; an accelerometer's in m/s/sqrt(s),
+Units: a gyro's N is in rad/sqrt(s), K in rad/s/sqrt(s), σ and B in rad/s, Q in rad; an accelerometer's in m/s/sqrt(s),
 m/s²/sqrt(s), m/s², m/s; τ in s.
 """
 
@@ -24,6 +26,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy.special import sici, zeta
 
 from mcnav.arrays.types import Array
 
@@ -62,6 +65,15 @@ class Grid:
         whole = self.order == np.round(self.order)
         return np.where(whole, 1.0 - 2.0 * (np.round(self.order) % 2.0), 0.0)
 
+    @cached_property
+    def flicker(self) -> Array:
+        """Variances of `flicker`, which no parameter changes."""
+        turns, angle = self.half / np.pi, np.pi * self.order
+        ends = 2.0 / np.pi * (sici(angle)[0] - (1.0 - self.alternating) / angle)
+        ratio = np.where(self.alternating == 0.0, 1.0 - 2.0 / (np.pi * angle), ends)
+        endless = 4.0 * self.sine_squared * (zeta(3.0, turns) + zeta(3.0, 1.0 - turns)) / (2.0 * np.pi) ** 3
+        return np.asarray(ratio * endless)
+
     @property
     def frequency(self) -> Array:
         """Frequency of each angle, Hz."""
@@ -87,6 +99,16 @@ def quantization(grid: Grid) -> Array:
     """Variance of c for Q = 1: of differences of white errors of the accumulated angle or velocity."""
     squared = grid.sine_squared
     return np.asarray(4.0 * (squared + (1.0 - squared) / grid.count) / grid.interval**2)
+
+
+def flicker(grid: Grid) -> Array:
+    """Variance of c for B = 1, the bias instability of IEEE Std 952: the two-sided density of the rate is B²/(2π f).
+
+    Its Allan deviation is B sqrt(2 ln 2/π) = 0.664 B at every cluster time. Means over Δ of an endless record have the
+    density above with r = 1, by aliasing. With ``cos(π j t/T)`` over a record of the length T, the covariance
+    ``−(B²/π) ln t`` gives ``r_j = (2/π) [Si(π j) − (1 − (−1)^j)/(π j)]``, about 1 − 2/(π² j).
+    """
+    return grid.flicker
 
 
 def gauss_markov(grid: Grid, correlation_time: float | Array) -> Array:
@@ -118,12 +140,15 @@ class Process:
 
     Attributes
     ----------
+    words : str
+        What it is called.
     size : str
         Name of its size.
     timed : bool
         Whether it has a correlation time, too.
     """
 
+    words: str
     size: str
     spectrum: Callable[..., Array]
     timed: bool = False
@@ -136,18 +161,27 @@ class Process:
 
 CORRELATION_TIME: Final = "correlation_time"
 
-WHITE: Final = Process("random_walk", white_noise)
-QUANTIZATION: Final = Process("quantization", quantization)
-RATE_RANDOM_WALK: Final = Process("rate_random_walk", random_walk)
-GAUSS_MARKOV: Final = Process("instability", gauss_markov, timed=True)
+WHITE: Final = Process("white noise", "random_walk", white_noise)
+QUANTIZATION: Final = Process("quantization", "quantization", quantization)
+RATE_RANDOM_WALK: Final = Process("rate random walk", "rate_random_walk", random_walk)
+FLICKER: Final = Process("flicker noise", "flicker", flicker)
+GAUSS_MARKOV: Final = Process("Gauss-Markov process", "instability", gauss_markov, timed=True)
 """The processes, with the names of `mcnav.systems.ins.imu.instruments.Noise`."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """A sum of processes. Parameters are logarithms, in the order of `parameters`."""
+    """A sum of processes. Parameters are logarithms, in the order of `parameters`.
+
+    >>> str(Model((WHITE, RATE_RANDOM_WALK)))
+    'white noise, rate random walk'
+    """
 
     processes: tuple[Process, ...]
+
+    def __str__(self) -> str:
+        """Name the processes."""
+        return ", ".join(process.words for process in self.processes)
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from mcnav.arrays.types import Array
-from mcnav.identification.fit import AxisFit, Candidate
+from mcnav.identification.estimates import Candidate
+from mcnav.identification.fit import AxisFit
 from mcnav.identification.likelihood import Maximum, maximize
 from mcnav.identification.processes import Grid, Model
 from mcnav.identification.spectrum import Bands
@@ -43,7 +44,7 @@ def common_noise(fits: Sequence[AxisFit]) -> CommonNoise:
     Models are chosen as for one record: by their likelihood of all records, and their number of parameters.
     """
     joint = [_joint(fits, candidate.model) for candidate in fits[0].candidates]
-    fitted = AxisFit(fits[0].record, tuple(sorted(joint, key=lambda fit: fit.criterion)))
+    fitted = AxisFit(fits[0].record, tuple(sorted(joint, key=lambda candidate: candidate.criterion)))
     chosen = fitted.chosen
     alone = sum(_of_model(fit, chosen.model).best.deviance for fit in fits)
     freedom = (len(fits) - 1) * len(chosen.best.logs)

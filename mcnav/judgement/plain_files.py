@@ -14,6 +14,7 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedMeasurements, Recording
+from mcnav.judgement.chance import slope_through_zero
 from mcnav.judgement.column_match import velocity_fault
 from mcnav.judgement.force_match import ForceMatch, clock_fault, heading_fault, mirror_fault
 from mcnav.judgement.local_track import local_metres, speeds
@@ -181,10 +182,8 @@ def _turn_fault(recording: Recording, measured: RecordedMeasurements) -> str:
     angle = np.concatenate([[0.0], np.cumsum(np.sum(recording.gyro * down, axis=1) * widths)])
     by_gyros = np.diff(np.interp(measured.times, np.concatenate([[0.0], recording.ends]), angle))
     x, y = turned[kept], by_gyros[kept]
-    squares = float(x @ x)
-    slope = float(x @ y) / squares
-    error = float(np.sqrt(np.mean((y - slope * x) ** 2) / squares))
-    if abs(slope) < 8.0 * error:
+    slope, noise = slope_through_zero(x, y)
+    if abs(slope) < noise:
         return ""
     for unit, factor in TURNS.items():
         if abs(slope / factor - 1.0) < OTHER_UNIT:

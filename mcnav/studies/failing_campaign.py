@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mcnav.analysis.answer_times import as_read
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.filter_causes import kind_of, shares_by_kind
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.improvements import Departing, improvements, reading_at
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.model import Model
 from mcnav.analysis.remedies import DEPARTING, Failing, Remedy, Standing, something_fails
 from mcnav.analysis.requirements import Finding
 from mcnav.analysis.simulated_requirements import Basis

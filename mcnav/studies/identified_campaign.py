@@ -24,7 +24,7 @@ from mcnav.arrays.types import Array
 from mcnav.config.overrides import Value, VariedCampaign
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
-from mcnav.identification.fit import relative_covariance
+from mcnav.identification.estimates import relative_covariance
 from mcnav.physics.units import conversion
 from mcnav.report.results.identified import AxisReport, CampaignSigmas, IdentificationReport, SigmaRow
 from mcnav.studies.linear_answers import answer_linearly
@@ -45,6 +45,9 @@ PROCESSES: Final = {
     "quantization": "{}_quantization_{}",
 }
 """Names of the processes of linear analysis by those of the parameters, for an instrument, its walk and an axis."""
+
+STAND_IN: Final = ("instability", "correlation_time", "rate_random_walk")
+"""Parameters that stand for flicker noise."""
 
 WALKS: Final = {"gyro": "angle", "accelerometer": "velocity"}
 
@@ -130,6 +133,9 @@ def _change(axis: AxisReport) -> _Change:
     if not INTERVALS[0] <= axis.interval <= INTERVALS[1]:
         known -= {"quantization"}
     sizes = {name: estimate.value for name, estimate in estimates.items() if name in known}
+    if axis.stand_in is not None:
+        sizes.pop("flicker")
+        sizes |= {name: axis.stand_in.parameters[name] for name in STAND_IN}
     if "correlation_time" in sizes:
         sizes = {"rate_random_walk": 0.0, **sizes}
         sizes["correlation_time"] = max(sizes["correlation_time"], SHORTEST_CORRELATION)
@@ -138,7 +144,10 @@ def _change(axis: AxisReport) -> _Change:
     if "quantization" in sizes:
         sizes["quantization_interval"] = axis.interval
     places = {name: place for place, name in enumerate(axis.fitted.chosen.model.parameters) if name in known}
-    return _Change(axis, sizes, _bounds(axis, known), places)
+    if axis.stand_in is not None:  # what stands for flicker noise varies with it
+        flicker = places.pop("flicker")
+        places = {"instability": flicker, "rate_random_walk": flicker} | places
+    return _Change(axis, sizes, _bounds(axis, {*sizes, *known}), places)
 
 
 def _bounds(axis: AxisReport, known: set[str]) -> dict[str, float]:
@@ -213,7 +222,7 @@ def _departures(scenario: Ins, processes: Mapping[str, Array], changes: Sequence
         for name in change.replaced:
             parameter = next(place for place in change.places if place in PROCESSES and change.process(place) == name)
             exponent = 2.0 * drawn[parameter][:, None]
-            if parameter == "instability":
+            if parameter == "instability" and "correlation_time" in drawn:
                 exponent = exponent + slopes[name] * drawn["correlation_time"][:, None]
             total += np.diag(processes[name]) * np.expm1(exponent)
     return total

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from mcnav.physics.units import conversion, quantity
-from mcnav.report.pages.identify import statement_words
+from mcnav.report.pages.identify import duration_words, statement_words
 from mcnav.report.results.identified import AxisReport, GradeRow, ParameterRow
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.tables.imu_catalogue import ALLAN_MINIMUM, CatalogueUnit, catalogue_units, units_of_values
@@ -24,33 +25,63 @@ BIAS_UNITS: Final = {"gyro": "deg/h", "accelerometer": "ug"}
 
 SIGMA, TIME = "bias_instability.sigma", "bias_instability.correlation_time"
 
+FLICKER: Final = "flicker"
+"""Key of flicker noise in ``identify.json``; ``[imu]`` has none."""
+
+STAND_IN: Final = {SIGMA: "instability", TIME: "correlation_time", "rate_random_walk": "rate_random_walk"}
+"""Parameters that stand for flicker noise, by their keys."""
+
 
 def imu_table(axes: Sequence[AxisReport], interval: float) -> str:
     """Write ``[imu.gyro]`` and ``[imu.accelerometer]``; what the logs do not identify is a comment."""
     text = "# Noise identified from logs at rest; 95 % intervals are comments.\n"
+    text += "".join(f"# {axis.name}: {limits}\n" for axis in axes for limits in axis.limits)
     for instrument in dict.fromkeys(axis.instrument for axis in axes):
         own = [axis for axis in axes if axis.instrument == instrument]
-        rows = {
-            key: [row for axis in own for row in axis.parameters if row.key == key]
-            for key in units_of_values()[instrument]
-        }
-        lines = list(_lines(rows, own, interval))
+        keys = (FLICKER, *units_of_values()[instrument])
+        rows = {key: [row for axis in own for row in axis.parameters if row.key == key] for key in keys}
+        lines = [*_lines(rows, own, interval), *map(_comment, _doubts(own))]
         text += f"\n[imu.{instrument}]\n" + "".join(f"{line}\n" for line in lines)
     return text
 
 
-def usable(rows: Mapping[str, Sequence[ParameterRow]]) -> dict[str, list[ParameterRow]]:
-    """Return the identified rows by key: those of a Gauss-Markov process only where its time is identified as well."""
+def _comment(words: str) -> str:
+    return f"# {words}"
+
+
+def _doubts(axes: Sequence[AxisReport]) -> Iterator[str]:
+    """Say what stands for flicker noise, and what the logs cannot tell."""
+    for axis in axes:
+        if axis.stand_in is not None:
+            least, most = duration_words(axis.stand_in.shortest), duration_words(axis.stand_in.longest)
+            yield (
+                f"{axis.axis}: bias_instability and rate_random_walk stand for flicker noise; the Allan deviation is "
+                f"within {100.0 * axis.stand_in.error:.2g} % of the model's from {least} to {most}"
+            )
+        if axis.fitted.rivals:
+            yield f"{axis.axis}: the logs cannot tell {' or '.join(axis.fitted.ambiguities)}"
+
+
+def usable(rows: Mapping[str, Sequence[ParameterRow]], axes: Sequence[AxisReport]) -> dict[str, list[ParameterRow]]:
+    """Return the identified rows by key: those of a Gauss-Markov process only where its time is identified as well.
+
+    What stands for flicker noise replaces the slow processes of its axis.
+    """
     known = {key: [row for row in own if row.value is not None] for key, own in rows.items()}
     timed = {row.axis for row in known.get(TIME, [])} & {row.axis for row in known.get(SIGMA, [])}
     for key in (SIGMA, TIME):
         known[key] = [row for row in known.get(key, []) if row.axis in timed]
+    standing = {axis.axis: axis.stand_in.parameters for axis in axes if axis.stand_in is not None}
+    for key, name in STAND_IN.items():
+        kept = {row.axis: row for row in known[key]}
+        kept |= {row.axis: replace(row, value=standing[row.axis][name]) for row in rows[key] if row.axis in standing}
+        known[key] = [kept[axis] for axis in AXES if axis in kept]
     return known
 
 
 def _lines(rows: Mapping[str, Sequence[ParameterRow]], axes: Sequence[AxisReport], interval: float) -> Iterator[str]:
     yield from _bias(axes)
-    known = usable(rows)
+    known = usable(rows, axes)
     for key in rows:
         named = known.get(key, [])
         if key == SIGMA and named:
@@ -64,6 +95,8 @@ def _lines(rows: Mapping[str, Sequence[ParameterRow]], axes: Sequence[AxisReport
                 yield f'quantization = {{ sigma = {_axes(named)}, interval = "{interval:.9g} s" }}'
             else:
                 yield f"# quantization, of readings each {interval:.9g} s: sigma = {_axes(named)}"
+        elif key == FLICKER and named:
+            yield f"# {key} = {_axes(named)}"
         elif "." not in key and named:
             yield f"{key} = {_axes(named)}"
         for row in rows[key]:

@@ -16,18 +16,20 @@ from mcnav.errors import CampaignError, Problem
 from mcnav.execution.threads import one_thread
 from mcnav.files.whole import indented_json, to_json
 from mcnav.identification.allan import AllanDeviation, allan_deviation
-from mcnav.identification.fit import AxisFit, relative_covariance
+from mcnav.identification.estimates import relative_covariance
+from mcnav.identification.fit import AxisFit
 from mcnav.identification.goodness import Goodness
 from mcnav.identification.identify import identify_noise
 from mcnav.identification.lattice import resolution
-from mcnav.identification.processes import CORRELATION_TIME, Grid
+from mcnav.identification.processes import CORRELATION_TIME, FLICKER, Grid
 from mcnav.identification.several import common_noise, repeatability
+from mcnav.identification.stand_in import StandIn, stand_in
 from mcnav.identification.statements import statements
 from mcnav.logs.imu_log import ImuLog, read_imu_log
 from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.physics.units import UnitError, conversion, quantity
 from mcnav.report.document.html import page_html
-from mcnav.report.pages.identify import model_words, page
+from mcnav.report.pages.identify import page
 from mcnav.report.results.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
 from mcnav.studies.identified_campaign import campaign_sigmas, open_campaign
 from mcnav.studies.identified_imu import imu_table, nearest_grades
@@ -58,9 +60,13 @@ KEYS: Final = {
     "instability": "bias_instability.sigma",
     "correlation_time": "bias_instability.correlation_time",
     "rate_random_walk": "rate_random_walk",
+    "flicker": "flicker",
     "quantization": "quantization.sigma",
 }
-"""Keys of ``[imu.gyro]`` and ``[imu.accelerometer]`` by the names of `mcnav.identification.processes`."""
+"""Keys of ``[imu.gyro]`` and ``[imu.accelerometer]`` by the names of `mcnav.identification.processes`.
+
+``[imu]`` has no key for flicker noise: `mcnav.identification.stand_in` writes it as other processes.
+"""
 
 WALKS: Final = {"gyro": "angle", "accelerometer": "velocity"}
 
@@ -148,11 +154,9 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
         axes = tuple(_axis_report(*key, own) for key, own in records.items() if len(own) == len(paths))
         stuck = [f"{' '.join(key)} is left out: all of its readings are the same"
                  for key, own in records.items() if len(own) < len(paths)]  # fmt: skip
-        limited = [
-            f"{' '.join(key)}: {record.limits}" for key, own in records.items() for record in own if record.limits
-        ]
         if not axes:
             raise CampaignError([Problem(str(paths[0]), "", "all readings are the same; the instruments are off")])
+        limited = [f"{axis.name}: {limits}" for axis in axes for limits in axis.limits]
         table, notes = imu_table(axes, facts[0].interval), (*stuck, *limited, *_of_attitude(axes))
         report = IdentificationReport(tuple(facts), axes, nearest_grades(axes), notes, table)
         if varied is not None:
@@ -239,19 +243,23 @@ def _axis_report(instrument: str, axis: str, records: Sequence[_AxisRecord]) -> 
         max(steps) if len(steps) == len(records) else None, agreement, repeated,
         tuple(_parameters(instrument, axis, fitted)),
         longest.allan.beside(chosen.model, chosen.best.logs, relative_covariance(chosen)),
-        _spectrum(longest.fitted, fitted), chosen.bands.grid.interval,
+        _spectrum(longest.fitted, fitted), chosen.bands.grid.interval, _stand_in(fitted),
+        tuple(dict.fromkeys(record.limits for record in records if record.limits)),
     )  # fmt: skip
+
+
+def _stand_in(fitted: AxisFit) -> StandIn | None:
+    """Find what stands for flicker noise that is identified."""
+    shown = any(estimate.name == FLICKER.size and estimate.identified for estimate in fitted.estimates)
+    return stand_in(fitted.chosen) if shown else None
 
 
 def _parameters(instrument: str, axis: str, fitted: AxisFit) -> Iterator[ParameterRow]:
     """State every parameter of ``[imu]`` that a log at rest can show."""
     for statement in statements(fitted):
         key = key_of(instrument, statement.name)
-        unit, shown = (
-            ("s", "s") if statement.name == CORRELATION_TIME else PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
-        )
+        unit, shown = _units(instrument, statement.name)
         hours = None if statement.duration_wanted is None else statement.duration_wanted / 3600.0
-        beside = key_of(instrument, statement.beside).split(".")[0] if statement.beside else ""
         yield ParameterRow(
             instrument,
             axis,
@@ -263,8 +271,16 @@ def _parameters(instrument: str, axis: str, fitted: AxisFit) -> Iterator[Paramet
             shown,
             conversion(unit, shown),
             hours,
-            beside,
+            statement.certain,
         )
+
+
+def _units(instrument: str, name: str) -> tuple[str, str]:
+    """Return the SI unit of a parameter, and the one that is shown; flicker noise has those of a bias instability."""
+    if name == CORRELATION_TIME:
+        return "s", "s"
+    key = key_of(instrument, "instability" if name == FLICKER.size else name)
+    return PROCESS_UNITS[f"{instrument}_{key.split('.')[0]}"]
 
 
 def _spectrum(shown: AxisFit, fitted: AxisFit) -> SpectrumPoints:
@@ -331,6 +347,7 @@ def identification_table(report: IdentificationReport) -> dict[str, object]:
                 inside = inside.setdefault(name, {})
             inside[axis.axis] = {
                 "value": row.value, "from": row.low, "to": row.high, "unit": row.unit, "hours_wanted": row.hours_wanted,
+                "certain": row.certain,
             }  # fmt: skip
         unit = axis.unit
         if axis.repeatability is not None:
@@ -353,8 +370,10 @@ def _record_table(axis: AxisReport, unit: str) -> dict[str, object]:
     """Return what is known of an axis besides its parameters."""
     first, second = axis.fitted.candidates[:2]
     return {
-        "mean": axis.means, "unit": unit, "model": model_words(first.model), "next_model": model_words(second.model),
-        "margin": axis.fitted.margin, "p_value": [test.p for test in axis.goodness],
+        "mean": axis.means, "unit": unit, "model": str(first.model), "next_model": str(second.model),
+        "margin": axis.fitted.margin, "cannot_tell": axis.fitted.ambiguities,
+        "stand_in": None if axis.stand_in is None else vars(axis.stand_in), "limits": axis.limits,
+        "p_value": [test.p for test in axis.goodness],
         "rejected": [test.rejected for test in axis.goodness], "agreement": axis.agreement,
         "resolution": axis.resolution,
     }  # fmt: skip

@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.arrays.types import Array
-from mcnav.identification.fit import Estimate
+from mcnav.identification.estimates import Estimate
 from mcnav.identification.identify import IdentifiedNoise, identify_noise
 from mcnav.systems.ins.imu.instruments import Noise
 from mcnav.systems.ins.tables.imu import grade_sizes

@@ -1,17 +1,25 @@
 """Simulated static records of an instrument: exact means over an interval of white noise and slow processes.
 
 Nothing is shared with `mcnav.identification`: a Gauss-Markov process is propagated together with its integral, whose
-joint covariance over one interval is known in closed form, and a random walk as the sum of its increments.
+joint covariance over one interval is known in closed form, and a random walk as the sum of its increments. Flicker
+noise is white noise that was summed half a time (Kasdin 1995), at an eighth of the interval.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import fftconvolve, lfilter
 
 from mcnav.arrays.types import Array
+
+FINER: Final = 8
+"""Values of flicker noise within an interval, whose mean a reading has."""
+
+BEFORE: Final = 7
+"""Records of flicker noise, of the same length, that go before and are left out: it starts from nothing."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +31,7 @@ class TrueNoise:
     correlation_time: float = 3600.0
     rate_random_walk: float = 0.0
     quantization: float = 0.0
+    flicker: float = 0.0
 
 
 def simulate_record(generator: np.random.Generator, count: int, interval: float, noise: TrueNoise) -> Array:
@@ -32,6 +41,8 @@ def simulate_record(generator: np.random.Generator, count: int, interval: float,
         readings += noise.rate_random_walk * _means_of_walk(generator, count, interval)
     if noise.instability > 0.0:
         readings += noise.instability * _means_of_gauss_markov(generator, count, interval / noise.correlation_time)
+    if noise.flicker > 0.0:
+        readings += noise.flicker * _means_of_flicker(generator, count)
     if noise.quantization > 0.0:
         readings += np.diff(generator.standard_normal(count + 1)) * (noise.quantization / interval)
     return readings
@@ -58,3 +69,15 @@ def _means_of_gauss_markov(generator: np.random.Generator, count: int, ratio: fl
     within = cross / np.sqrt(ends) * driven[0] + np.sqrt(max(mean - cross**2 / ends, 0.0)) * driven[1]
     begin = np.concatenate([[generator.standard_normal()], inputs[:-1]])
     return np.asarray(less / ratio * lfilter([1.0], [1.0, -rho], begin) + within)
+
+
+def _means_of_flicker(generator: np.random.Generator, count: int) -> Array:
+    """Return means of noise with the density 1/(2π f), the same at every interval: ``(1 − z⁻¹)^(−1/2)`` of white noise.
+
+    The density of the fine values is ``1/(2 sin(ω/2))``, which is 1/ω where means over `FINER` of them have any.
+    """
+    fine = count * FINER * (BEFORE + 1)
+    order = np.arange(1.0, fine)
+    response = np.concatenate([[1.0], np.cumprod((order - 0.5) / order)])
+    summed = fftconvolve(generator.standard_normal(fine), response)[:fine]
+    return np.asarray(summed[-count * FINER :].reshape(count, FINER).mean(axis=1))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from scipy.stats import chi2
 
 from mcnav.analysis import linear_samples as doubts
-from mcnav.identification.fit import PENALTY
+from mcnav.identification.choice import PENALTY
 from mcnav.sampler.distributions import tail_weight
 from mcnav.sampler.error_model import HEAVY_TAILS, LONG_TAILS
 from mcnav.statistics.power import USUAL_POWER

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from mcnav.identification.fit import PENALTY
+from mcnav.identification.choice import PENALTY
 from mcnav.identification.identify import identify_noise
 from tests.calibration.identification_trials import (
     ABSENT,

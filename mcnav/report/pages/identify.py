@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 
-from mcnav.identification.fit import PENALTY, Candidate
+from mcnav.identification.choice import BESIDE, CLOSE, PENALTY, TIMED
 from mcnav.identification.goodness import SINGLE, Finding, Goodness
-from mcnav.identification.processes import Model
 from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Heading, Lines, Listing, Note, Page, Part, Section, Sentence, Verdict
 from mcnav.report.document.table import Cell, Column, Table
@@ -28,14 +26,6 @@ from mcnav.report.results.identified import (
     SigmaRow,
 )
 from mcnav.report.statements.words import several
-
-WORDS: Final = {
-    "random_walk": "white noise",
-    "quantization": "quantization",
-    "rate_random_walk": "rate random walk",
-    "instability": "Gauss-Markov process",
-}
-"""Processes by the names of their sizes."""
 
 RATES: Final = {"gyro": "deg/h", "accelerometer": "ug"}
 """Shown units of readings."""
@@ -59,24 +49,11 @@ KINDS: Final = 2
 NOTICED: Final = 2
 """Remarks that the terminal shows in brief."""
 
-CLOSE: Final = 4.0
-"""Margin below which the choice is said to be close: a model with a parameter more has −2 log L smaller by over 2."""
-
 FAINT: Final = 0.1
 """Share of the white noise's variance from which rounding to the resolution is said to matter."""
 
 COARSE: Final = 0.5
 """Standard deviation of the readings, in steps of their lattice, below which rounding is not white noise."""
-
-
-def model_words(model: Model) -> str:
-    """Name a model.
-
-    >>> from mcnav.identification.processes import RATE_RANDOM_WALK, WHITE
-    >>> model_words(Model((WHITE, RATE_RANDOM_WALK)))
-    'white noise, rate random walk'
-    """
-    return ", ".join(WORDS[process.size] for process in model.processes)
 
 
 def hours_words(hours: float | None) -> str:
@@ -164,7 +141,7 @@ def _in_brief(report: IdentificationReport) -> list[Part]:
     ]  # fmt: skip
     models: dict[str, list[str]] = {}
     for axis in report.axes:
-        models.setdefault(model_words(axis.fitted.chosen.model), []).append(axis.name)
+        models.setdefault(str(axis.fitted.chosen.model), []).append(axis.name)
     said = [f"Model of {_axes_words(names)}: {words}." for words, names in models.items()]
     noticed = list(remarks(report))
     left = len(noticed) - NOTICED
@@ -253,8 +230,8 @@ def model_table(report: IdentificationReport) -> Table[AxisReport]:
     several = len(report.logs) > 1
     columns: list[Column[AxisReport]] = [
         Column("Axis", lambda axis: axis.name, "axis", "label"),
-        Column("Model", lambda axis: model_words(axis.fitted.chosen.model), "model", "words"),
-        Column("Next model", lambda axis: model_words(axis.fitted.candidates[1].model), "next model", "words", spare=2),
+        Column("Model", lambda axis: str(axis.fitted.chosen.model), "model", "words"),
+        Column("Next model", lambda axis: str(axis.fitted.candidates[1].model), "next model", "words", spare=2),
         Column("Margin", lambda axis: axis.fitted.margin, "margin", form=lambda value: number(value, 3)),
         Column("Test of fit", _fit, "fit", "label"),
         Column("p", lambda axis: probability(min(test.p for test in axis.goodness)), "p"),
@@ -265,8 +242,9 @@ def model_table(report: IdentificationReport) -> Table[AxisReport]:
     else:
         columns.append(Column("Mean", _mean, "mean", "label"))
     caption = (
-        f"Margin: by how much the criterion −2 log L + {PENALTY:g} (number of parameters) of the next model is larger. "
-        f"It is {PENALTY:g} over one with a parameter more that explains nothing; below {CLOSE:g} it tells little."
+        "Margin: by how much −2 log L with the price of the processes is larger for the next model. Quantization and a "
+        f"first slow process cost {PENALTY:g}, a second one {BESIDE:g}, a correlation time {TIMED:g}. Below {CLOSE:g} "
+        "a margin tells little."
     )
     return Table(caption, columns, report.axes, "Models")
 
@@ -302,8 +280,8 @@ def remarks(report: IdentificationReport) -> Iterator[str]:
             where = axis.name if len(axis.goodness) == 1 else f"{axis.name} in {report.logs[place].name}"
             yield from (f"{where}: {departure}" for departure in _departures(axis, goodness))
         yield from (f"{axis.name}: {each}" for each in _of_resolution(axis))
-        if axis.fitted.margin < CLOSE:
-            yield f"{axis.name}: {_close(axis.fitted.candidates)}"
+        if axis.fitted.rivals:
+            yield f"{axis.name}: the logs cannot tell {' or '.join(axis.fitted.ambiguities)}"
         if axis.agreement is not None and axis.agreement < 0.05:
             yield (
                 f"{axis.name}: the logs do not agree (p = {probability(axis.agreement)}): the noise in common and its "
@@ -357,16 +335,6 @@ def _of_resolution(axis: AxisReport) -> Iterator[str]:
         f"resolution {shown}: rounding adds {added} {unit} to a reading, {100.0 * share:.2g} % of the variance of the "
         f"white noise{words}"
     )
-
-
-def _close(candidates: Sequence[Candidate]) -> str:
-    """Name what the next model has that the best one has not, or has not and the best one has."""
-    best, other = (
-        Counter(WORDS[process.size] for process in candidate.model.processes) for candidate in candidates[:2]
-    )
-    more, fewer = (", ".join((left - right).elements()) for left, right in ((other, best), (best, other)))
-    change = f"with {more} in place of {fewer}" if more and fewer else f"with {more}" if more else f"without {fewer}"
-    return f"the model fits almost as well {change}"
 
 
 def _grade_parts(report: IdentificationReport) -> list[Part]:

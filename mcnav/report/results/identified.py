@@ -13,6 +13,7 @@ from mcnav.identification.allan import AllanDeviation
 from mcnav.identification.fit import AxisFit
 from mcnav.identification.goodness import Goodness
 from mcnav.identification.several import Repeatability
+from mcnav.identification.stand_in import StandIn
 
 READINGS: Final = {"gyro": "rad/s", "accelerometer": "m/s^2"}
 """SI unit of the readings of an instrument."""
@@ -47,8 +48,8 @@ class ParameterRow:
         95 % interval, or zero and the upper bound; infinite where there is none.
     hours_wanted : float, optional
         Length of a log that would identify it; infinite where none would.
-    beside : str
-        Key of the process that stands for this one in the model.
+    certain : bool
+        False where a model without the parameter's process fits the logs nearly as well.
     shown_in : str
         Unit of pages and terminals; `factor` of them in an SI unit.
     """
@@ -63,7 +64,7 @@ class ParameterRow:
     shown_in: str
     factor: float
     hours_wanted: float | None = None
-    beside: str = ""
+    certain: bool = True
 
     @property
     def stated(self) -> bool:
@@ -102,6 +103,10 @@ class AxisReport:
         Of the mean from log to log.
     allan : AllanDeviation
         Of the longest log.
+    stand_in : StandIn, optional
+        What ``[imu]`` has in place of identified flicker noise.
+    limits : tuple of str
+        Frequencies that the model was fitted to, where they are not all, with the reason.
     """
 
     instrument: str
@@ -116,6 +121,8 @@ class AxisReport:
     allan: AllanDeviation
     spectrum: SpectrumPoints
     interval: float
+    stand_in: StandIn | None = None
+    limits: tuple[str, ...] = ()
 
     @property
     def unit(self) -> str:

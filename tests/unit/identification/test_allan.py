@@ -10,7 +10,8 @@ from scipy.stats import binom
 from mcnav import identify_noise
 from mcnav.arrays.types import Array
 from mcnav.identification.allan import LAGS, _freedom, allan_deviation, model_variance
-from mcnav.identification.fit import AxisFit, Estimate, fit, relative_covariance
+from mcnav.identification.estimates import Estimate, relative_covariance
+from mcnav.identification.fit import AxisFit, fit
 from mcnav.identification.lattice import resolution
 from mcnav.identification.likelihood import maximize
 from mcnav.identification.processes import GAUSS_MARKOV, QUANTIZATION, RATE_RANDOM_WALK, WHITE, Grid, Model

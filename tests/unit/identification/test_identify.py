@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 from mcnav import identify_noise
 from mcnav.arrays.types import Array
-from mcnav.identification.fit import IDENTIFIABLE, relative_deviations
+from mcnav.identification.estimates import relative_deviations
 from mcnav.identification.processes import (
     RATE_RANDOM_WALK,
     WHITE,
@@ -110,7 +110,7 @@ def test_a_gauss_markov_process_is_found() -> None:
     of = {each.name: each for each in noise.estimates}
     assert of["instability"].low < sigma < of["instability"].high
     assert of["correlation_time"].low < time < of["correlation_time"].high
-    assert of["correlation_time"].relative_sd < IDENTIFIABLE
+    assert all(estimate.identified and estimate.certain for estimate in noise.estimates)
     assert not noise.goodness.rejected
 
 
