@@ -39,7 +39,7 @@ from mcnav.report.exports.arrays import arrays
 from mcnav.report.exports.dataset import dataset
 from mcnav.report.pages.run.card import run_card
 from mcnav.report.pages.run.page import figures
-from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
+from mcnav.report.pages.run.sections.what_if import what_if_section, where_nonlinear
 from mcnav.report.pages.sweep import frame
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
@@ -246,7 +246,7 @@ class RunResult:
         """The report's section "What if", with its sliders; none where nothing can be changed."""
         with one_thread():
             content = self.content
-            outputs, fails = content.manifest.model.outputs, linear_fails(content.summary)
+            outputs, fails = content.manifest.model.outputs, where_nonlinear(content.summary)
             section = what_if_section(what_if_of_run(content), outputs, content.looped, fails)
             name = content.summary.campaign
             return None if section is None else FramedPage(name, page_html(Page(name, "What if", name, (), [section])))
@@ -426,6 +426,7 @@ def sweep(
     points: int = POINTS,
     at: str | Sequence[float] = (),
     jobs: int = JOBS,
+    examine: bool | None = None,
 ) -> pd.DataFrame:
     """Vary one or two keys of a campaign: accuracy by linear analysis at every point of a grid.
 
@@ -445,6 +446,9 @@ def sweep(
         Times in the trajectory's time, such as ``"600 s, 25 min"``, or in seconds; by default the end.
     jobs : int
         Threads.
+    examine : bool, optional
+        Whether flights examine linear analysis where limits are just met and at the ends; by default where that is
+        quick. Where it is not shown to hold there is a column ``linear analysis`` with the verdicts.
 
     Returns
     -------
@@ -474,5 +478,5 @@ def sweep(
         expected = "a mapping of keys to values such as {'errors.altitude': '1..10 km'}"
         raise TypeError(f"varied must be {expected}; got {type(varied).__name__}")
     with _named_as_here():
-        swept = run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs))
+        swept = run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs, examine))
     return frame(swept).set_index([variable.label for variable in swept.variables])

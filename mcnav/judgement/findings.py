@@ -95,15 +95,20 @@ class Finding:
     Attributes
     ----------
     number : CauseVerdict or OffsetVerdict
-    rivals : tuple of str
-        Candidates from which it is not told apart.
+    rivals : tuple of CauseVerdict or OffsetVerdict
+        Numbers from which it is not told apart, each estimated as if it were what is wrong.
     left : float
         Probability of a record as unusual as this one once it is changed.
     """
 
     number: CauseVerdict | OffsetVerdict
-    rivals: tuple[str, ...]
+    rivals: tuple[CauseVerdict | OffsetVerdict, ...]
     left: float
+
+    @property
+    def alternatives(self) -> tuple[CauseVerdict | OffsetVerdict, ...]:
+        """What may be wrong, the likeliest first."""
+        return (self.number, *self.rivals)
 
 
 @dataclass(frozen=True)
@@ -190,8 +195,9 @@ def find_numbers(
         named = naming.foremost()
         if named is None or any(finding.number.name == named.candidate.name for finding in findings):
             break
+        rivals = _rivals(naming, named, changes, verdicts, again, drops or {})
         number, changes = _estimated(naming, named.candidate, changes, verdicts, again, drops or {})
-        findings.append(Finding(number, _rivals(named), changes.left(*settings)))
+        findings.append(Finding(number, rivals, changes.left(*settings)))
         if findings[-1].left > LEVEL:
             break
     return tuple(findings), changes
@@ -203,12 +209,16 @@ def find_first(record: FilteredRecord, again: Again | None) -> tuple[Finding, Ch
     named = naming.foremost()
     if named is None:
         return None
+    rivals = _rivals(naming, named, Changes(record), {}, again, {})
     number, changes = _estimated(naming, named.candidate, Changes(record), {}, again, {})
-    return Finding(number, _rivals(named), np.nan), changes
+    return Finding(number, rivals, np.nan), changes
 
 
-def _rivals(named: Named) -> tuple[str, ...]:
-    return tuple(rival.name for rival in named.rivals)
+def _rivals(
+    naming: Naming, named: Named, changes: Changes, verdicts: Mapping[str, CauseVerdict | OffsetVerdict],
+    again: Again | None, drops: Mapping[int, float],
+) -> tuple[CauseVerdict | OffsetVerdict, ...]:  # fmt: skip
+    return tuple(_estimated(naming, rival, changes, verdicts, again, drops)[0] for rival in named.rivals)
 
 
 def _estimated(

@@ -62,7 +62,7 @@ def with_intervals(
     drops : mapping of int to float
         Fall of the log-likelihood at the ends of the interval of each size that is estimated, by cause.
     """
-    named = {finding.number.name: finding.number for finding in findings}
+    named = {finding.number.name: _with_doubt(finding) for finding in findings}
     scan = Scan(changes.changed, changes.settled)
     factors = {scan.record.causes[number].name: factor for number, factor in scan.factors(drops).items()}
     sizes = tuple(
@@ -76,6 +76,15 @@ def with_intervals(
         for number in [named.get(offset.name)]
     )
     return sizes, constants
+
+
+def _with_doubt(finding: Finding) -> CauseVerdict | OffsetVerdict:
+    """Return what is named; a size that another number may stand for may be right, so that its interval holds one."""
+    number = finding.number
+    if not finding.rivals or not isinstance(number, CauseVerdict) or number.factor is None:
+        return number
+    factor = replace(number.factor, low=min(number.factor.low, 1.0), high=max(number.factor.high, 1.0))
+    return replace(number, factor=factor)
 
 
 def _estimated(scan: Scan, offset: OffsetVerdict) -> OffsetVerdict:

@@ -161,17 +161,6 @@ class RunFolder:
                 raise ValueError("its checksum differs")
             return development_in(content, model)
 
-    def write_manifest(self, manifest: Manifest) -> None:
-        """Write the manifest with a checksum of itself, and before it the file of partial derivatives over time."""
-        content, known = manifest.to_json(), manifest.model.development
-        if known is not None:
-            table = development_table(manifest.model, known)
-            self.write(DEVELOPMENT, table)
-            content["model"]["development_sha256"] = hashlib.sha256(table).hexdigest()
-        text = as_text(content | {"checksum": json_digest(content)})
-        self.write(MANIFEST, text)
-        remember_whole(text)
-
     def summary(self) -> dict[str, Any]:
         """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
         self.manifest()  # all of it is checked, also what the summary does not repeat
@@ -206,9 +195,8 @@ class RunFolder:
         RunFolderError
             When an input has changed meanwhile, or the disk refuses a file.
         """
-        self.write_manifest(manifest)  # first: a folder with the user's code but no manifest would not be a run's
-        self.write(HISTORY, history_table(history))
-        for name, content in files.items():
+        # the manifest first: a folder with the user's code but no manifest would not be a run's
+        for name, content in {**_manifest_files(manifest), HISTORY: history_table(history), **files}.items():
             self.write(name, content)
         for file in inputs:
             if file.size <= LARGEST_COPY:
@@ -216,9 +204,8 @@ class RunFolder:
 
     def finish(self, manifest: Manifest, files: Mapping[str, bytes]) -> None:
         """Write files by name, then the manifest of the complete run."""
-        for name, content in files.items():
+        for name, content in {**files, **_manifest_files(manifest)}.items():
             self.write(name, content)
-        self.write_manifest(manifest)
 
     def copy_of(self, record: FileRecord) -> Path | None:
         """Return the copy of a file that a manifest lists; none when there is none with that content."""
@@ -370,6 +357,17 @@ class RunFolder:
             return None
         with _reading(path, "is damaged"):
             return first_histories(path, samples, expected)
+
+
+def _manifest_files(manifest: Manifest) -> dict[str, bytes]:
+    """Return the manifest, with a checksum of itself, after the file of partial derivatives over time."""
+    content, known = manifest.to_json(), manifest.model.development
+    files = {} if known is None else {DEVELOPMENT: development_table(manifest.model, known)}
+    for table in files.values():
+        content["model"]["development_sha256"] = hashlib.sha256(table).hexdigest()
+    text = as_text(content | {"checksum": json_digest(content)})
+    remember_whole(text)
+    return {**files, MANIFEST: text}
 
 
 def history_table(history: History) -> bytes:

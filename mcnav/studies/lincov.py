@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.box import Box, Extreme, Spread
 from mcnav.analysis.examination import Examination
-from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, Order
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.remedies import Remedies
@@ -52,7 +52,7 @@ def write_lincov(
     if covariance.fails:
         from mcnav.studies.remedies import remedies_of_answer  # half a second, which answers that hold do without
 
-        remedies = remedies_of_answer(campaign, covariance, all_remedies)
+        remedies = remedies_of_answer(campaign, covariance, all_remedies, examine=examine)
     written = page_html(lincov_page(campaign, covariance, remedies))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
@@ -93,6 +93,7 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 **({"about": requirement.requirement.about} if requirement.requirement.about else {}),
                 "value": requirement.value,
                 "met": requirement.met if requirement.judged else None,
+                **_order_entry(requirement),
                 "margin": requirement.margin,
                 **({"exceedance": requirement.beyond} if math.isfinite(requirement.beyond) else {}),
                 **({"exceedance_curved": requirement.curved} if math.isfinite(requirement.curved) else {}),
@@ -116,6 +117,16 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "time": None if history is None else history.readings.label,
         "rows": [] if history is None else _rows(history, answer.readings_beyond(history), smoothed),
     }  # fmt: skip
+
+
+def _order_entry(requirement: LinearRequirement) -> Mapping[str, object]:
+    """Return by which order a requirement is judged, the uncertainty of its value, and why it is not judged."""
+    second = requirement.order == Order.SECOND
+    return {
+        "order": requirement.order.value if math.isfinite(requirement.value) else None,
+        **({"uncertainty": requirement.share * requirement.value} if second else {}),
+        **({"doubt": requirement.doubt} if requirement.doubt else {}),
+    }
 
 
 def box_entry(box: Box, names: Sequence[str]) -> Mapping[str, object]:
@@ -161,6 +172,9 @@ def examination_entry(examined: Examination, names: Sequence[str]) -> Mapping[st
         "mean_second": None if corrected is None else corrected.mean,
         "sigma_second": None if corrected is None else corrected.sigma,
         "sigma_error": None if corrected is None else corrected.error,
+        "mean_second_error": None if corrected is None else corrected.mean_error,
+        "nees_second": None if corrected is None else corrected.nees,
+        "nees_error": None if corrected is None else corrected.nees_error,
     }
 
 

@@ -11,9 +11,10 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.analysis.corrected_requirements import judge_by_order
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.gates import GateAnswer, answer_gates
-from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, where_linear, within_range
+from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
@@ -82,10 +83,14 @@ def linear_covariance(campaign: Description, times: Array | None = None, examine
 
 def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> LinearAnswer:
     """Add the examination of an answer, which may take so many seconds, or the reason why it has none."""
+    began = perf_counter()
     examined = examine_campaign(campaign, answer.model, seconds)
     if isinstance(examined, str):
         return replace(answer, unexamined=examined)
-    return replace(answer, examination=examined, requirements=where_linear(answer.requirements, examined))
+    return replace(
+        answer, examination=examined, examined_in=perf_counter() - began,
+        requirements=judge_by_order(answer.requirements, answer.model, examined),
+    )  # fmt: skip
 
 
 def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
@@ -118,11 +123,10 @@ def answer_linearly(described: Campaign, times: Array | None = None, by_cause: b
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model.of(linear, errors.mean, errors.covariance, scenario.outputs)
+        model = end_model(described, linear)
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         required = requirements_from(described.requirements, [output.name for output in scenario.outputs])
-        model = replace(model, limits=smallest_limits(required, len(scenario.outputs)))
         smoothed = None
         if scenario.parts.smoother:
             smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
@@ -161,6 +165,14 @@ def answer_linearly(described: Campaign, times: Array | None = None, by_cause: b
             smoother=_with_rejections(smoother, rejections),
             rejections=rejections,
         )
+
+
+def end_model(campaign: Campaign, linear: LinearModel) -> Model:
+    """Return the linear model of a campaign at its end, with the limits of its requirements."""
+    outputs, errors = campaign.scenario.outputs, campaign.errors
+    required = requirements_from(campaign.requirements, [output.name for output in outputs])
+    model = Model.of(linear, errors.mean, errors.covariance, outputs)
+    return replace(model, limits=smallest_limits(required, len(outputs)))
 
 
 def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer | None) -> LinearVerdict | None:
@@ -225,10 +237,11 @@ def _check_soundness(campaign: Campaign) -> None:
     if not is_users(campaign.scenario):
         return
     from mcnav.runner.draws import DrawPlan  # with a run's files, which other scenarios do not need
-    from mcnav.runner.soundness import find_doubt
+    from mcnav.runner.soundness import exact_engine, find_doubt
 
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)
+    engine = exact_engine(campaign.scenario, draws.probes(), campaign.sample_timeout)
+    doubt = find_doubt(campaign.scenario, engine, campaign.errors, campaign.tolerance)
     if doubt is not None:
         raise CampaignError([Problem(campaign.file, "scenario", str(doubt))])
 

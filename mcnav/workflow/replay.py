@@ -45,7 +45,8 @@ from mcnav.store.manifest import ExceedanceRecord, Manifest
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
-from mcnav.workflow.exceedance import fly_way_to_fail, has_noise
+from mcnav.workflow.event_normals import has_noise
+from mcnav.workflow.failing_flight import fly_way_to_fail
 from mcnav.workflow.recorded_model import linear_model
 from mcnav.workflow.stored_campaign import campaign_of
 

@@ -20,7 +20,7 @@ import sys
 import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -49,6 +49,13 @@ JUDGE: Final = "judge"
 
 NOTHING: Final = "nothing"
 """Records without a wrong thing."""
+
+CSV: Final = "judged_records.csv"
+
+NO_FAULT: Final = "a fault of the files that is none"
+
+CHECKS: Final = 10
+"""Checks of files that noise may set off, at most."""
 
 SIMULATED: Final = 4000
 """Simulated records by which alarms are raised."""
@@ -157,7 +164,7 @@ class Row:
     named, rivals : str
         The first verdict, and what is not told apart from it, with blanks between.
     right, holds : bool
-        Whether it is the wrong thing, and whether its interval holds the true value.
+        Whether the wrong thing is among them, and whether an interval of theirs holds the true value.
     left : float
         Probability of a record as unusual once the first verdict is pasted.
     stated, excluded : str
@@ -194,16 +201,18 @@ def trial(wrong: str, seed: int) -> Row:
     drops = dict(zip(present(record), against.drops.tolist(), strict=True))
     numbers = with_intervals(*list_numbers(of_campaign, own), () if finding is None else (finding,), changes, drops)
     names = [number.name for number in (*numbers[0], *numbers[1])]
-    others = [number for number in (*numbers[0], *numbers[1]) if finding is None or number.name != finding.number.name]
+    # what is named for certain is counted apart
+    certain = finding.number.name if finding is not None and not finding.rivals else ""
+    others = [number for number in (*numbers[0], *numbers[1]) if number.name != certain]
     excluded = [number.name for number in others if not holds(number, flown)]
     fault = fault_named(recording, "")
     if finding is None:
         return Row(wrong, seed, fault, probability, stated=" ".join(names), excluded=" ".join(excluded))
-    right = expected in (finding.number.name, *finding.rivals)
+    first, *rivals = (number.name for number in finding.alternatives)
     return Row(
-        wrong, seed, fault, probability, finding.number.name, " ".join(finding.rivals), right,
-        holds(finding.number, flown), afterwards(recording, finding), " ".join(number.name for number in others),
-        " ".join(excluded),
+        wrong, seed, fault, probability, first, " ".join(rivals), expected in (first, *rivals),
+        any(holds(number, flown) for number in finding.alternatives), afterwards(recording, finding),
+        " ".join(number.name for number in others), " ".join(excluded),
     )  # fmt: skip
 
 
@@ -280,16 +289,21 @@ def count(rows: Sequence[Row]) -> Tally:
         if row.wrong in FILE_FAULTS:
             add("power", row, "the fault of the files is named", row.fault)
             continue
-        add("false alarm", row, "a fault of the files that is none", not row.fault)
+        add("false alarm", row, NO_FAULT, not row.fault)
         excluded = row.excluded.split()
         for name in row.stated.split():
-            add("coverage", row, f"interval of {name.replace('_', ' ')}", name not in excluded)
+            add(
+                "coverage",
+                replace(row, wrong="all records"),
+                f"interval of {name}",
+                name not in excluded,
+            )
         if row.wrong == NOTHING:
             add("false alarm", row, "alarm", row.probability <= LEVEL)
             continue
         add("power", row, "alarm", row.probability <= LEVEL)
         add("power", row, "named first, or with what is not told apart", row.right)
-        if row.named == WRONG[row.wrong][1]:
+        if row.right:
             add("coverage", row, "interval of what is wrong", row.holds)
             add("power", row, "nothing left once it is pasted", row.left > LEVEL)
     return result
@@ -306,11 +320,12 @@ def print_rates(rows: Sequence[Row]) -> None:
             print(f"| {wrong} | {len(own)} | | {named} | {named} | | | |")
             continue
         first = [row for row in own if row.named and row.named == WRONG[wrong][1]]
+        right = [row for row in own if row.right]
         others = sorted({row.named for row in own} - {WRONG[wrong][1], ""})
         print(
             f"| {wrong} | {len(own)} | {sum(row.probability <= LEVEL for row in own)} | {len(first)} | "
-            f"{sum(row.right for row in own)} | {sum(row.holds for row in first)} of {len(first)} | "
-            f"{sum(row.left > LEVEL for row in first)} of {len(first)} | {', '.join(others)} |"
+            f"{len(right)} | {sum(row.holds for row in right)} of {len(right)} | "
+            f"{sum(row.left > LEVEL for row in right)} of {len(right)} | {', '.join(others)} |"
         )
 
 

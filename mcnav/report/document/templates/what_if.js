@@ -225,7 +225,7 @@
 
     const state = make("p", "", { class: first_ ? "state hidden" : "state", role: "status" }); // a banner says it
     const reset = button("Reset", () => { factors.fill(1); retuned = null; sliders.forEach((_, n) => rows[n].show()); update(); });
-    let retuned = null; // sigmas over time of the filter that is re-tuned for the numbers, by output
+    let [retuned, doubted] = [null, []]; // sigmas over time of the filter that is re-tuned for the numbers, by output; those not shown to be linear
     const copy = button("Copy as TOML", async () => {
       await copied(toml());
       copy.textContent = "Copied";
@@ -328,7 +328,7 @@
         set(ghost, { d: path((r) => value(before.m, r), before.beyond) });
         set(claimed, { d: path(stated, times.length) });
         set(line, { d: path((r) => value(m, r), until) });
-        set(again, { d: tuned.map((v, k) => `${k ? "L" : "M"}${across(retuned[""][k]).toFixed(1)} ${up(v).toFixed(1)}`).join("") });
+        set(again, { d: tuned.map((v, k) => `${k ? "L" : "M"}${across(retuned[""][k]).toFixed(1)} ${up(v).toFixed(1)}`).join(""), "stroke-dasharray": doubted.includes(name) ? "6 4" : "none" });
         words.replaceChildren();
         const ticks = ticksOf(0, top, 0, 3);
         ticks.forEach(([v, step]) => put(L - 4, up(v) + 4, shown(v + 0, step), "end"));
@@ -413,7 +413,7 @@
     };
     // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
     root_.factors = () => Object.fromEntries(sliders.map(({ path }, n) => [path, factors[n]]).filter(([, factor]) => factor !== 1));
-    root_.retune = (curves) => { retuned = curves; update(); };
+    root_.retune = (curves, names = []) => { [retuned, doubted] = [curves, names]; update(); };
     root_.multipliers = () => factors;
     root_.sizes = () => Object.fromEntries(sliders.map(({ path, sizes, shown: largest }) => [path, sizes[largest].join(" ")]));
     root_.choose = (chosenFactors) => {

@@ -32,7 +32,7 @@ from mcnav.report.pages.run.sections.provenance import provenance_section, simul
 from mcnav.report.pages.run.sections.remedies import ALL_REMEDIES, remedies_section
 from mcnav.report.pages.run.sections.smoother import smoother_section
 from mcnav.report.pages.run.sections.truth import truth_section
-from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
+from mcnav.report.pages.run.sections.what_if import what_if_section, where_nonlinear
 from mcnav.report.pages.run.tiles import NAMES, headline, tiles
 from mcnav.report.pages.screen import folds_of, numbered_page
 from mcnav.report.results.left_out import not_modelled
@@ -152,7 +152,9 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure], decided: Subjec
         None if flown is None or folded_flight else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
         remedies_section(content.remedies, content.manifest.model.outputs, ALL_REMEDIES),
-        what_if_section(content.what_if, content.manifest.model.outputs, content.looped, linear_fails(content.summary)),
+        what_if_section(
+            content.what_if, content.manifest.model.outputs, content.looped, where_nonlinear(content.summary)
+        ),
         joint_section(content, drawn, None if decides else differing) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
         requirements_section(content, drawn),

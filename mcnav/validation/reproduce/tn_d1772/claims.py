@@ -21,10 +21,11 @@ from mcnav.contract.quantities import source_labels
 from mcnav.linear.partials import Propagate, partials_at_later_starts
 from mcnav.physics.constants import GRAVITATIONAL_PARAMETER
 from mcnav.report.names import humanize
+from mcnav.systems.reentry.engines import ReferenceEngine
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated
 from mcnav.systems.reentry.outputs import DEVIATIONS
-from mcnav.systems.reentry.scenario import Flight, Reentry, ReferenceEngine
+from mcnav.systems.reentry.scenario import Flight, Reentry
 from mcnav.systems.reentry.table_i import (
     ALL_ERRORS,
     COLUMNS,

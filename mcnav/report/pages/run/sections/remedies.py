@@ -32,7 +32,9 @@ COMPUTED: Final = (
 HELD: Final = "“Gains held”: the filter keeps its gains, and a run of the changed file re-tunes it."
 DRAWS: Final = "Samples of a changed campaign have the draws of this run."
 LEFT: Final = "A run does not wait for {} more: {} computes them."
-WITHHELD: Final = "Withheld, because samples did not confirm it: {}."
+WITHHELD: Final = "Withheld, because linear analysis does not hold of it or samples did not confirm it: {}."
+UNEXAMINED: Final = "Flights did not examine linear analysis of all changes: {}. {} does it."
+DOUBT: Final = "linear analysis {} of it: simulate it first"
 CODE_FILTER: Final = "What the filter models is in the code of the scenario. Let it estimate or consider {}."
 TONES: Final = dict.fromkeys(CONFIRMING, "agrees") | dict.fromkeys(REFUTING, "differs")
 UNKNOWN: Final = "None known: see why"
@@ -58,6 +60,7 @@ def remedy_parts(remedies: Remedies, outputs: Outputs, command: str) -> list[Par
     notes = [
         Note(CODE_FILTER.format(several([humanize(kind) for kind in remedies.missed]))) if remedies.missed else None,
         Note(WITHHELD.format(several(remedies.withheld, NAMED))) if remedies.withheld else None,
+        Note(Markup(UNEXAMINED).format(remedies.unexamined, CODE(command))) if remedies.unexamined else None,
         Note(Markup(LEFT).format(remedies.left, CODE(command))) if remedies.left else None,
     ]
     if not remedies.listed:
@@ -97,6 +100,8 @@ def remedy_table(remedies: Remedies, outputs: Outputs) -> Table[Remedy]:
             columns.append(Column(heading, lambda row: sigma_words(row.then.sigma, remedies, outputs)))
     else:
         columns.append(Column("Limit used then", lambda row: percent(row.then.used)))
+    if any(row.doubted for row in remedies.listed):
+        columns.append(Column("Linear analysis then", lambda row: row.linearity or "not examined", kind="label"))
     if any(row.simulated for row in remedies.listed):
         columns.append(Column("Simulated", simulated, kind="label"))
     columns.append(Column("", lambda row: Cell(COPY(row.campaign)), kind="label", place="page"))
@@ -122,7 +127,10 @@ def fix(remedies: Remedies | None, outputs: Outputs) -> Markup | str:
         reason = f"{remedies.reason[:1].upper()}{remedies.reason[1:]}."
         return LINK(reason if len(reason.split()) <= LONGEST else UNKNOWN)
     best = remedies.best
-    return Markup("{}: {}. {}").format(LINK(_first_up(best.words)), effect(remedies, outputs), COPY(best.campaign))
+    done = effect(remedies, outputs)
+    if best.doubted:
+        done = f"{done}; {DOUBT.format(best.linearity)}"
+    return Markup("{}: {}. {}").format(LINK(_first_up(best.words)), done, COPY(best.campaign))
 
 
 def effect(remedies: Remedies, outputs: Outputs) -> str:
