@@ -129,7 +129,7 @@ class IdentifiedNoise:
             words.append(f"fitted below {self.below:.3g} Hz")
         if self.half_power is not None:
             words.append(f"the readings are low-passed, with half of the power at {self.half_power:.2g} Hz")
-        elif self.of_all is not None and self.of_all.rejected:
+        if self.of_all is not None and (self.half_power is None or self.of_all.worst.name == "line"):
             words.append(f"no model fits the whole spectrum: {self.of_all.worst}")
         return "; ".join(words)
 
