@@ -43,7 +43,7 @@ FIRST: Final = Effort(3, 16, 1)
 SECOND: Final = Effort(8, 64, 4)
 """Effort where the first one cannot say, and the engine is quick."""
 
-CORRECTING: Final = Effort(8, 256, 4)
+CORRECTING: Final = replace(SECOND, pairs=256)
 """Effort where the uncertainty of a corrected sigma, which is needed, is too large."""
 
 STEP: Final = 0.2

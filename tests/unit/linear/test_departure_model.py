@@ -1,10 +1,13 @@
-"""The polynomial through a few simulations: exact for polynomials of its terms, with their moments."""
+"""The polynomial through a few simulations is exact for polynomials of its terms; its axes follow the outputs."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mcnav.linear.departure_model import DepartureModel, RotatedAxes
+
+COUNT = 4
+PARTIALS = np.array([[3.0, 1.0, 0.0, 0.5], [0.0, 2.0, 1.0, -1.0]])
 
 
 def test_polynomials_and_their_moments() -> None:
@@ -26,3 +29,15 @@ def test_polynomials_and_their_moments() -> None:
     np.testing.assert_allclose(fitted.mean, w @ d, atol=1e-12)
     about = d - w @ d + x @ slopes.T
     np.testing.assert_allclose(fitted.added_covariance, (about.T * w) @ about - slopes @ slopes.T, atol=1e-11)
+
+
+def test_axes_are_those_of_the_outputs() -> None:
+    covariance = np.array([[4.0, 1.0, 0.0, 0.0], [1.0, 9.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    linear = PARTIALS @ covariance @ PARTIALS.T
+    axes = RotatedAxes.of(PARTIALS, np.zeros(COUNT), covariance, np.sqrt(np.diag(linear)), 3)
+    assert axes.rank == 3  # one source has no dispersion
+    np.testing.assert_allclose(axes.loadings @ axes.loadings.T, covariance, atol=1e-12)
+    np.testing.assert_allclose(axes.slopes @ axes.slopes.T, linear, atol=1e-12)
+    np.testing.assert_allclose(axes.slopes[:, 2], 0.0, atol=1e-12)  # two outputs vary along two axes
+    normals = np.random.default_rng(1).standard_normal((5, 3))
+    np.testing.assert_allclose(axes.normals_of(axes.errors_at(normals)), normals, atol=1e-12)
