@@ -248,6 +248,47 @@ def allocate(
     print_next(next_command.after_allocation(campaign, result))
 
 
+@command()
+def tune(
+    campaign: CampaignFile,
+    cost: Annotated[
+        Literal["requirement", "sigma"] | None,
+        typer.Option(help="What is to cost little [default: the worst requirement, else the mean filter sigma]."),
+    ] = None,
+    confirm: Annotated[
+        bool, typer.Option("--confirm/--no-confirm", help="Simulate the setting closest to optimistic.")
+    ] = True,
+    samples: Annotated[int | None, typer.Option("--samples", "-n", min=2, help="Of it [default: the file's].")] = None,
+    jobs: Jobs = 2,
+    folder: Annotated[Path | None, out_folder("reports/NAME_tune")] = None,
+) -> None:
+    """Find what a filter is to believe of specs that are ranges.
+
+    With these beliefs its sigmas bound the true errors at every setting of the ranges, at all times. It prints the
+    table [filter.believes] to paste, by how much each sigma is inflated, and what that costs.
+
+    Example: mcnav tune campaigns/40_range_with_a_drift.toml --no-confirm
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages import tune as tables
+    from mcnav.report.terminal import progress
+    from mcnav.studies.tune import tune as find_beliefs
+    from mcnav.studies.tune import write_tuning
+
+    with progress.shown(err) as shown:
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_tune")
+        result = find_beliefs(read_campaign(campaign), cost, confirm, samples, jobs, shown)
+        files = write_tuning(result, target)
+    out.print(printed(tables.terminal(result)))
+    if result.believes:
+        out.print()
+        out.print(tables.pasted(result), markup=False, highlight=False)
+    out.print()
+    print_written(files)
+    print_next(next_command.written("lincov", campaign))
+
+
 @command("filters", resumes=True)
 def filters(
     campaign: CampaignFile,

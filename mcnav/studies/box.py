@@ -49,15 +49,21 @@ SIZED: Final = tuple(name for name in SIZES if name != "value")
 """Keys whose value is proportional to a sigma."""
 
 
-def answer_box(campaign: Campaign, nominal: LinearAnswer) -> Box:
+def answer_box(
+    campaign: Campaign, nominal: LinearAnswer, boxed: BoxedCampaign | None = None, filter_alone: bool = False
+) -> Box:
     """Answer for all settings of a campaign with ranges.
 
     Parameters
     ----------
     nominal : LinearAnswer
         That of the campaign itself, in which each range is at its upper end.
+    boxed : BoxedCampaign, optional
+        Its settings, where they are known already.
+    filter_alone : bool
+        Whether the search is refined for the ratio of the filter alone.
     """
-    return _Study(BoxedCampaign(campaign), nominal).box()
+    return _Study(boxed or BoxedCampaign(campaign), nominal, filter_alone).box()
 
 
 @dataclass(frozen=True)
@@ -174,8 +180,8 @@ def _sized(
 class _Study:
     """A box in the making."""
 
-    def __init__(self, boxed: BoxedCampaign, nominal: LinearAnswer) -> None:
-        self._boxed, self._nominal = boxed, nominal
+    def __init__(self, boxed: BoxedCampaign, nominal: LinearAnswer, filter_alone: bool) -> None:
+        self._boxed, self._nominal, self._filter_alone = boxed, nominal, filter_alone
         self.answers = _Answers(boxed, nominal)
         sized = self.answers.sized
         self._searched = [place for place, size in enumerate(sized) if size is None or not size.monotone]
@@ -187,7 +193,7 @@ class _Study:
         spreads = [self._spread(measure) for measure in range(asked + 1 + outputs)]
         requirements, sigmas = spreads[:asked], spreads[asked + 1 :]
         about, output = self._foremost(requirements, sigmas)
-        narrowed = self._narrowed(output + asked + 1 if about is None else about)
+        narrowed = () if self._filter_alone else self._narrowed(output + asked + 1 if about is None else about)
         return Box(
             {spec.path: spec.text for spec in self._boxed.nominal.ranges}, tuple(sigmas), tuple(requirements),
             self._of_filter(spreads[asked]), self._exact, self.answers.settings, self.answers.systems,
@@ -210,7 +216,8 @@ class _Study:
         if expected > MANY:
             note(f"{len(self._boxed.ranges)} ranges: at least {expected} linear answers, at most {MOST + expected}")
         maxima = Maxima(len(self._searched), self._badness, MOST + expected)
-        maxima.search(range(2 * (len(self._nominal.requirements) + 1 + len(self._nominal.outputs))))
+        asked, count = len(self._nominal.requirements), len(self._nominal.requirements) + 1 + len(self._nominal.outputs)
+        maxima.search([asked] if self._filter_alone else range(2 * count))
         return maxima
 
     def _values(self, point: Point, share: float) -> Values:

@@ -8,7 +8,7 @@ from typing import Any
 
 from mcnav.analysis.box import Setting
 from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers
-from mcnav.config.documents import document_of
+from mcnav.config.documents import Document, document_of
 from mcnav.config.ranges import SpecRange, with_values
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.config.toml import Content
@@ -27,6 +27,8 @@ class BoxedCampaign:
     ----------
     nominal : Campaign
         Each range is at its upper end.
+    document : Document, optional
+        That of the campaign; by default its file is read again.
 
     Attributes
     ----------
@@ -38,8 +40,8 @@ class BoxedCampaign:
         Paths of ranges of which the filter believes the upper end, because the campaign states nothing else.
     """
 
-    def __init__(self, nominal: Campaign) -> None:
-        self.nominal, self._document = nominal, document_of(nominal)
+    def __init__(self, nominal: Campaign, document: Document | None = None) -> None:
+        self.nominal, self._document = nominal, document or document_of(nominal)
         if len(self._document.ranges) < len(nominal.ranges):
             message = "its range is not in the file any more; read it again"
             raise CampaignError([Problem(nominal.file, nominal.ranges[0].path, message)])
@@ -57,16 +59,21 @@ class BoxedCampaign:
         """Return values of the ranges by path, as a campaign file has them."""
         return {spec.path: spec.span.written(value) for spec, value in zip(self.ranges, values, strict=True)}
 
-    def content(self, setting: Setting) -> Content:
-        """Return the content of the campaign file of a setting, with what the filter believes of the ranges."""
-        written = {spec.place: setting[spec.path] for spec in self.ranges}
-        return with_values(self._document.content if setting == self.setting(self.upper) else self._content, written)
+    def content(self, setting: Setting, held: bool = True) -> Content:
+        """Return the content of the campaign file of a setting.
 
-    def at(self, setting: Setting, overrides: Mapping[str, Any] | None = None) -> Campaign:
+        The filter believes the upper ends unless the file states something else or, without ``held``, the setting.
+        """
+        written = {spec.place: setting[spec.path] for spec in self.ranges}
+        plain = not held or setting == self.setting(self.upper)
+        return with_values(self._document.content if plain else self._content, written)
+
+    def at(self, setting: Setting, overrides: Mapping[str, Any] | None = None, held: bool = True) -> Campaign:
         """Read the campaign of a setting, with other top-level entries; `CampaignError` names the setting."""
         document = self._document
         try:
-            return parse_campaign(self.content(setting), document.file, document.stem, overrides, code=document.code)
+            content = self.content(setting, held)
+            return parse_campaign(content, document.file, document.stem, overrides, code=document.code)
         except CampaignError as wrong:
             shown = ", ".join(f"{path} = {value}" for path, value in setting.items())
             problems = [replace(problem, message=f"{problem.message} (with {shown})") for problem in wrong.problems]
