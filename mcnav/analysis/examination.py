@@ -238,7 +238,9 @@ def examine(
 def _mean_departure(departure: DepartureModel, flights: CheckFlights) -> tuple[Array, Array]:
     """Return the mean departure with the half width of its bounds, of normal errors: the polynomial's is known."""
     missed = flights.departures - departure.at(flights.normals)
-    mean = _Bounded.of_pairs(missed if flights.noise is None else missed + flights.noise[1])
+    if flights.noise is not None:
+        missed = missed + flights.noise[1].reshape(-1, *missed.shape).mean(axis=0)
+    mean = _Bounded.of_pairs(missed)
     return departure.mean + mean.value, mean.half
 
 

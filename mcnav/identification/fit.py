@@ -11,7 +11,7 @@ import numpy as np
 from mcnav.arrays.types import Array
 from mcnav.identification.choice import CLOSE, MODELS, ambiguity, slow_processes
 from mcnav.identification.estimates import Candidate, Estimate
-from mcnav.identification.likelihood import Maximum, maximize
+from mcnav.identification.likelihood import Maximum, maximize, maximize_many
 from mcnav.identification.processes import GAUSS_MARKOV, QUANTIZATION, Grid, Model, Process
 from mcnav.identification.spectrum import Bands, Record, in_bands
 
@@ -91,11 +91,14 @@ def fit(record: Record) -> AxisFit:
 
 def _best(model: Model, bands: Bands) -> Maximum:
     """Find the largest of the maxima that several starts lead to."""
-    maxima = (maximize(model, bands, start, converged=ROUGHLY) for start in _starts(model, bands))
-    return min(maxima, key=lambda maximum: maximum.deviance)
+    starts = _starts(model, bands)
+    sums = np.repeat(bands.sums[None], len(starts), axis=0)
+    logs, deviances = maximize_many(model, bands.grid, bands.numbers, sums, starts, converged=ROUGHLY)
+    best = int(np.argmin(deviances))
+    return Maximum(logs[best], float(deviances[best]))
 
 
-def _starts(model: Model, bands: Bands) -> list[Array]:
+def _starts(model: Model, bands: Bands) -> Array:
     """Guess parameters: each process as large as the spectrum allows, the slow ones at several correlation times."""
     level = bands.sums / bands.numbers
     duration = bands.grid.duration
@@ -106,7 +109,7 @@ def _starts(model: Model, bands: Bands) -> list[Array]:
         for process in model.processes:
             logs += _allowed(process, bands, level, time)
         starts.append(np.array(logs))
-    return starts
+    return np.array(starts)
 
 
 def _allowed(process: Process, bands: Bands, level: Array, time: float) -> list[float]:

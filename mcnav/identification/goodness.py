@@ -15,7 +15,6 @@ records of the catalogue's grades 5.1 % are rejected, with the exponent four 3.8
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -90,22 +89,22 @@ class Goodness:
         """True if the record does not look like its model."""
         return self.p < SIZE
 
-    def rejected_by(self, names: Collection[str]) -> bool:
-        """Return whether tests of these names alone reject the model."""
-        return Goodness(tuple(finding for finding in self.findings if finding.name in names)).rejected
-
     @property
     def worst(self) -> Finding:
         """The test with the smallest p."""
         return min(self.findings, key=lambda finding: finding.p)
 
 
+def check_spectrum(candidate: Candidate, record: Record) -> Goodness:
+    """Test a model against the spectrum of its record alone: lines, and the shape."""
+    return Goodness((_check_line(candidate, record), _check_shape(candidate)))
+
+
 def check_fit(candidate: Candidate, record: Record, readings: Array, whole: Record | None = None) -> Goodness:
     """Test a model against its record, and against the ``whole`` one where that has the lower ordinates alone."""
     return Goodness(
         (
-            _check_line(candidate, record),
-            _check_shape(candidate),
+            *check_spectrum(candidate, record).findings,
             Finding("trend", *trend_p_value(candidate.model, candidate.bands, candidate.best, record)),
             _check_steadiness(candidate, record, readings, None if whole is None else in_bands(whole)),
         )

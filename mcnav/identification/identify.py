@@ -11,14 +11,12 @@ from numpy.typing import ArrayLike
 from mcnav.arrays.types import Array
 from mcnav.identification.estimates import Estimate
 from mcnav.identification.fit import AxisFit, fit
-from mcnav.identification.goodness import Goodness, check_fit
+from mcnav.identification.goodness import Goodness, check_fit, check_spectrum
+from mcnav.identification.handling import Hold, filters_show, find_hold, half_power
 from mcnav.identification.spectrum import Record, transform
 
 if TYPE_CHECKING:
     import pandas as pd
-
-BANDWIDTH: Final = ("line", "shape")
-"""Tests of fit of the spectrum, which its lower part alone may pass."""
 
 FEWEST: Final = 1_000
 """Readings of the shortest record that is accepted."""
@@ -44,7 +42,11 @@ class IdentifiedNoise:
     goodness : Goodness
         Test of fit of that model.
     of_all : Goodness, optional
-        Test of fit of the best model of the whole spectrum, where only the lower frequencies have one.
+        Test of the shape of the whole spectrum, and of lines, where only the lower frequencies have a model.
+    half_power : float, optional
+        Frequency above which readings have less than half the density of the model of the lower ones, Hz.
+    hold : Hold, optional
+        How readings repeat, where they do; the values of a held one are fitted once.
 
     Examples
     --------
@@ -58,6 +60,8 @@ class IdentifiedNoise:
     fitted: AxisFit
     goodness: Goodness
     of_all: Goodness | None = None
+    half_power: float | None = None
+    hold: Hold | None = None
 
     @property
     def below(self) -> float:
@@ -113,17 +117,21 @@ class IdentifiedNoise:
         lines.append(f"{fits} (p = {self.goodness.p:.2g}); margin over the next model {self.margin:.3g}")
         if self.fitted.rivals:
             lines.append(f"the record cannot tell {' or '.join(self.fitted.ambiguities)}")
-        return "\n".join([*lines, *([self.limits] if self.part else [])])
+        return "\n".join([*lines, *([self.limits] if self.limits else [])])
 
     __repr__ = __str__
 
     @property
     def limits(self) -> str:
-        """Frequencies that the model was fitted to, in words, where they are not all."""
-        if not self.part:
-            return ""
-        why = "" if self.of_all is None else f"; no model fits the whole spectrum: {self.of_all.worst}"
-        return f"fitted below {self.below:.3g} Hz{why}"
+        """What was done to the readings, and frequencies that the model was fitted to where they are not all."""
+        words = [self.hold.words(self.fitted.record.interval / self.hold.rows)] if self.hold is not None else []
+        if self.part:
+            words.append(f"fitted below {self.below:.3g} Hz")
+        if self.half_power is not None:
+            words.append(f"the readings are low-passed, with half of the power at {self.half_power:.2g} Hz")
+        if self.of_all is not None and (self.half_power is None or self.of_all.worst.name == "line"):
+            words.append(f"no model fits the whole spectrum: {self.of_all.worst}")
+        return "; ".join(words)
 
 
 def _line(estimate: Estimate) -> str:
@@ -184,24 +192,50 @@ def identify_noise(readings: ArrayLike, interval: float, below: float | None = N
         raise ValueError(f"reading {int(np.argmin(known))} is not finite; fit a stretch without gaps")
     if np.ptp(values) == 0.0:
         raise ValueError(f"all readings are {values[0]:g}: the instrument is stuck, or switched off")
+    hold = find_hold(values)
+    if hold is not None:
+        interval, values = interval * len(values) / len(hold.readings), hold.readings
+        if len(values) < FEWEST:
+            raise ValueError(f"{hold.words(interval / hold.rows)}: {len(values)} readings; {FEWEST:,} are needed")
     record = transform(values, interval)
     if below is not None:
         kept = int(2.0 * below * record.duration)
         if kept < FEWEST_ORDINATES:
             raise ValueError(f"below {below:g} Hz the record has {kept} ordinates; {FEWEST_ORDINATES} are needed")
-        return _identify(replace(record, ordinates=record.ordinates[:kept]), values, record)
-    fits, divisor = [_identify(record, values)], 2
-    while fits[-1].goodness.rejected_by(BANDWIDTH) and len(record.ordinates) // divisor >= FEWEST_ORDINATES:
-        fits.append(_identify(record.up_to(divisor), values, record))
+        part = replace(record, ordinates=record.ordinates[:kept])
+        return _tested(fit(part), values, record, None, hold)
+    fitted, whole = _fit_lower(record)
+    return _tested(fitted, values, record, whole, hold)
+
+
+def _tested(
+    fitted: AxisFit, values: Array, record: Record, of_all: Goodness | None, hold: Hold | None
+) -> IdentifiedNoise:
+    """Test the fit of a model to a record, or to the lower ordinates of a record."""
+    part = len(fitted.record.ordinates) < len(record.ordinates)
+    goodness = check_fit(fitted.chosen, fitted.record, values, record if part else None)
+    return IdentifiedNoise(fitted, goodness, of_all, half_power(record, fitted.chosen) if part else None, hold)
+
+
+def _fit_lower(record: Record) -> tuple[AxisFit, Goodness | None]:
+    """Fit a model to all ordinates; where none has their spectrum, or a filter's, to the lower half, quarter, ...
+
+    Returns the test of the whole spectrum, too, where only the lower ordinates have a model.
+    """
+    fits, divisor = [fit(record)], 2
+    tests = [check_spectrum(fits[0].chosen, record)]
+    while (filtered := _filtered(fits[-1], tests[-1])) and len(record.ordinates) // divisor >= FEWEST_ORDINATES:
+        fits.append(fit(record.up_to(divisor)))
+        tests.append(check_spectrum(fits[-1].chosen, fits[-1].record))
         divisor *= 2
-    if fits[-1].goodness.rejected_by(BANDWIDTH):
-        return max(fits, key=lambda noise: noise.goodness.p)
+    if filtered:
+        best = int(np.argmax([test.p for test in tests]))
+        return fits[best], tests[0] if best else None
     if len(fits) > 1 and len(record.ordinates) // divisor >= FEWEST_ORDINATES:
-        fits.append(_identify(record.up_to(divisor), values, record))  # a filter's share that no test can see biases
-    return fits[-1] if len(fits) == 1 else replace(fits[-1], of_all=fits[0].goodness)
+        fits.append(fit(record.up_to(divisor)))  # a filter's share that no test can see biases
+    return fits[-1], tests[0] if len(fits) > 1 else None
 
 
-def _identify(record: Record, values: Array, whole: Record | None = None) -> IdentifiedNoise:
-    """Fit a model to the ordinates of a record, or to the lower ones of a ``whole`` record."""
-    fitted = fit(record)
-    return IdentifiedNoise(fitted, check_fit(fitted.chosen, record, values, whole))
+def _filtered(fitted: AxisFit, test: Goodness) -> bool:
+    """Tell whether a model does not have the spectrum of its ordinates, or has a filter's."""
+    return test.rejected or filters_show(fitted.chosen)

@@ -27,8 +27,8 @@ CONVERGED: Final = 1e-7
 LARGEST_STEP: Final = 1.5
 """Largest change of a logarithm within one step of scoring."""
 
-SHORTEST_TIME: Final = 4.0
-"""Smallest correlation time that is tried, in intervals between readings."""
+SHORTEST_TIME: Final = 10.0
+"""Smallest correlation time that is tried, in intervals between readings: a shorter one is a filter of the readings."""
 
 LONGEST_TIME: Final = 50.0
 """Largest correlation time that is tried, in lengths of the record: beyond, the process is a random walk."""

@@ -40,7 +40,7 @@ FIRST: Final = Effort(3, 16)
 SECOND: Final = Effort(8, 64)
 """Effort where the first one cannot say, and the engine is quick."""
 
-CORRECTING: Final = Effort(8, 256)
+CORRECTING: Final = replace(SECOND, pairs=256)
 """Effort where the uncertainty of a corrected sigma, which is needed, is too large."""
 
 ONE_TO_ALL: Final = 2.0

@@ -32,15 +32,24 @@ STAND_IN: Final = {SIGMA: "instability", TIME: "correlation_time", "rate_random_
 """Parameters that stand for flicker noise, by their keys."""
 
 
-def imu_table(axes: Sequence[AxisReport], interval: float) -> str:
+def limits_of_axes(axes: Sequence[AxisReport]) -> list[str]:
+    """Say what was done to readings, and what part of a spectrum was fitted; axes of which it is the same together."""
+    names = dict[str, list[str]]()
+    for axis in axes:
+        for limits in axis.limits:
+            names.setdefault(limits, []).append(axis.name)
+    return [f"{', '.join(own)}: {limits}" for limits, own in names.items()]
+
+
+def imu_table(axes: Sequence[AxisReport]) -> str:
     """Write ``[imu.gyro]`` and ``[imu.accelerometer]``; what the logs do not identify is a comment."""
     text = "# Noise identified from logs at rest; 95 % intervals are comments.\n"
-    text += "".join(f"# {axis.name}: {limits}\n" for axis in axes for limits in axis.limits)
+    text += "".join(f"{_comment(limits)}\n" for limits in limits_of_axes(axes))
     for instrument in dict.fromkeys(axis.instrument for axis in axes):
         own = [axis for axis in axes if axis.instrument == instrument]
         keys = (FLICKER, *units_of_values()[instrument])
         rows = {key: [row for axis in own for row in axis.parameters if row.key == key] for key in keys}
-        lines = [*_lines(rows, own, interval), *map(_comment, _doubts(own))]
+        lines = [*_lines(rows, own), *map(_comment, _doubts(own))]
         text += f"\n[imu.{instrument}]\n" + "".join(f"{line}\n" for line in lines)
     return text
 
@@ -79,7 +88,8 @@ def usable(rows: Mapping[str, Sequence[ParameterRow]], axes: Sequence[AxisReport
     return known
 
 
-def _lines(rows: Mapping[str, Sequence[ParameterRow]], axes: Sequence[AxisReport], interval: float) -> Iterator[str]:
+def _lines(rows: Mapping[str, Sequence[ParameterRow]], axes: Sequence[AxisReport]) -> Iterator[str]:
+    interval = axes[0].interval
     yield from _bias(axes)
     known = usable(rows, axes)
     for key in rows:

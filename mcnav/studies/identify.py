@@ -32,7 +32,8 @@ from mcnav.report.document.html import page_html
 from mcnav.report.pages.identify import page
 from mcnav.report.results.identified import AxisReport, IdentificationReport, LogFacts, ParameterRow, SpectrumPoints
 from mcnav.studies.identified_campaign import campaign_sigmas, open_campaign
-from mcnav.studies.identified_imu import imu_table, nearest_grades
+from mcnav.studies.identified_imu import imu_table, limits_of_axes, nearest_grades
+from mcnav.studies.standstill import refuse_motion
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.scenario import PROCESS_UNITS
 
@@ -135,7 +136,8 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
     Raises
     ------
     CampaignError
-        When a log cannot be read, has no 1,000 readings without a gap, or the logs have different intervals.
+        When a log cannot be read, is not at rest, has no 1,000 readings without a gap, or the logs have different
+        intervals.
     """
     plan = plan or IdentifyPlan()
     facts, records = list[LogFacts](), dict[tuple[str, str], list[_AxisRecord]]()
@@ -145,6 +147,7 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
             log = read_imu_log(path, plan.columns, plan.units)
             pa.default_memory_pool().release_unused()  # of a day of readings 0.3 GB
             chosen, notes = _stretch(path, log, plan)
+            refuse_motion(path, log, chosen)
             facts.append(LogFacts(str(path), chosen.stop - chosen.start, log.interval, (*log.notes, *notes)))
             _check_interval(facts)
             for instrument, axis, readings in _axes_of(log, chosen):
@@ -156,8 +159,7 @@ def identify_logs(paths: Sequence[Path], plan: IdentifyPlan | None = None) -> Id
                  for key, own in records.items() if len(own) < len(paths)]  # fmt: skip
         if not axes:
             raise CampaignError([Problem(str(paths[0]), "", "all readings are the same; the instruments are off")])
-        limited = [f"{axis.name}: {limits}" for axis in axes for limits in axis.limits]
-        table, notes = imu_table(axes, facts[0].interval), (*stuck, *limited, *_of_attitude(axes))
+        table, notes = imu_table(axes), (*stuck, *limits_of_axes(axes), *_of_attitude(axes))
         report = IdentificationReport(tuple(facts), axes, nearest_grades(axes), notes, table)
         if varied is not None:
             report = replace(report, sigmas=campaign_sigmas(varied, report))
@@ -222,6 +224,8 @@ def _record(path: Path, name: str, readings: Array, interval: float, below: floa
     except ValueError as wrong:
         raise CampaignError([Problem(str(path), name, str(wrong))]) from None
     chosen = noise.fitted.chosen
+    if noise.hold is not None:
+        readings, interval = noise.hold.readings, noise.fitted.record.interval
     allan = allan_deviation(readings, interval, chosen.model, chosen.best.logs, relative_covariance(chosen))
     # the ordinates, as large as the log, are in the bands of the candidates
     light = replace(noise.fitted, record=replace(noise.fitted.record, ordinates=np.empty(0), lowest=np.empty(0)))

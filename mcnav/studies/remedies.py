@@ -122,7 +122,7 @@ def _numbers(case: Case) -> list[tuple[Change, Remedy]]:
     """Return each number one grade finer, or half as large, with its effect where gains are held; the best first."""
     assert case.what_if is not None
     departing = case.departing if case.failing == "filter" else None
-    found = improvements(case.what_if, departing).listed
+    found = improvements(case.what_if, departing)
     by_path = {each.slider.path: each for each in found}
     changes = changes_of_numbers(case.document.content, case.sources, found)
     return [(change, case.remedy(change, _then(case, by_path[change.path]), case.tuned)) for change in changes]

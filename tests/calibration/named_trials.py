@@ -20,7 +20,7 @@ import sys
 import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -49,6 +49,13 @@ JUDGE: Final = "judge"
 
 NOTHING: Final = "nothing"
 """Records without a wrong thing."""
+
+CSV: Final = "judged_records.csv"
+
+NO_FAULT: Final = "a fault of the files that is none"
+
+CHECKS: Final = 10
+"""Checks of files that noise may set off, at most."""
 
 SIMULATED: Final = 4000
 """Simulated records by which alarms are raised."""
@@ -282,10 +289,15 @@ def count(rows: Sequence[Row]) -> Tally:
         if row.wrong in FILE_FAULTS:
             add("power", row, "the fault of the files is named", row.fault)
             continue
-        add("false alarm", row, "a fault of the files that is none", not row.fault)
+        add("false alarm", row, NO_FAULT, not row.fault)
         excluded = row.excluded.split()
         for name in row.stated.split():
-            add("coverage", row, f"interval of {name.replace('_', ' ')}", name not in excluded)
+            add(
+                "coverage",
+                replace(row, wrong="all records"),
+                f"interval of {name}",
+                name not in excluded,
+            )
         if row.wrong == NOTHING:
             add("false alarm", row, "alarm", row.probability <= LEVEL)
             continue

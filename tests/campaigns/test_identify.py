@@ -16,6 +16,7 @@ import mcnav
 from mcnav.arrays.types import Array
 from mcnav.studies.identify import IdentifyPlan, identify_logs
 from mcnav.systems.ins.recognition import is_ins
+from tests.calibration.static_records import TrueNoise, simulate_record
 from tests.commands import invoke
 
 GRAVITY = 9.80665
@@ -136,6 +137,39 @@ def test_the_table_can_be_pasted(folder: Path) -> None:
         assert noise.instability[place] == pytest.approx(own["bias_instability"]["sigma"][axis]["value"], rel=1e-3)
 
 
+def test_flicker_noise_is_written_as_what_a_campaign_has(folder: Path) -> None:
+    """The Allan variance of the pasted table beside N²/τ + (2 ln 2/π) B²: as near as imu.toml says, and B is held."""
+    true, table = TrueNoise(4e-5, flicker=2e-5), {"time": np.arange(20_000) * 0.1}
+    for place, axis in enumerate("xyz"):
+        table[f"gyro_{axis}"] = simulate_record(np.random.default_rng(place), 20_000, 0.1, true)
+    np.savetxt(folder / "flicker.csv", np.column_stack(list(table.values())), delimiter=",", header=",".join(table),
+               comments="", fmt="%.9g")  # fmt: skip
+    done = invoke("identify", "flicker.csv", *UNITS[:2], "--out", "flicker", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    result = json.loads((folder / "flicker" / "identify.json").read_text())["gyro"]
+    text = (folder / "flicker" / "imu.toml").read_text()
+    (folder / "with_flicker.toml").write_text(CAMPAIGN.format(imu=text))
+    campaign = mcnav.read_campaign(folder / "with_flicker.toml")
+    assert is_ins(campaign.scenario)
+    noise, times = campaign.scenario.navigation.imu.gyro, np.geomspace(0.1, 500.0, 30)
+    assert sum(result["flicker"][axis]["from"] < 2e-5 < result["flicker"][axis]["to"] for axis in "xyz") >= 2
+    written = 0
+    for place, axis in enumerate("xyz"):
+        stands = result["record"][axis]["stand_in"]
+        if result["record"][axis]["model"] != "white noise, flicker noise" or stands is None:
+            continue
+        written += 1
+        ratio = times / noise.correlation_time[place]
+        markov = 2.0 / ratio * (1.0 - (3.0 - 4.0 * np.exp(-ratio) + np.exp(-2.0 * ratio)) / (2.0 * ratio))
+        white = noise.random_walk[place] ** 2 / times
+        stood = white + noise.instability[place] ** 2 * markov + noise.rate_random_walk[place] ** 2 * times / 3.0
+        exact = white + 2.0 * np.log(2.0) / np.pi * result["flicker"][axis]["value"] ** 2
+        error = np.abs(np.sqrt(stood / exact) - 1.0).max()
+        assert error == pytest.approx(stands["error"], abs=0.01)  # at other cluster times
+        assert error < 0.2
+    assert written >= 2
+
+
 def test_the_errors_of_a_campaign_follow(folder: Path) -> None:
     """With the pasted table in place of its noise, the campaign has the sigma that is said to follow."""
     rows = {
@@ -225,6 +259,8 @@ def test_what_is_wrong_with_readings_is_noticed(folder: Path) -> None:
         (("static.csv", "faster.csv"), "error: faster.csv: has an interval of 0.1 s between readings, and static.csv"),
         (("static.csv", "--campaign", "missing.toml"), "error: missing.toml: "),
         (("nothing.csv",), "error: nothing.csv: "),
+        (("flight.csv",), "error: flight.csv: is not at rest: the angular rate changes by "),
+        (("flight.csv", "--from", "0", "--to", "1000"), "error: flight.csv: is not at rest: "),
     ],
 )  # fmt: skip
 def test_mistakes_are_told_in_one_line(folder: Path, words: tuple[str, ...], told: str) -> None:
@@ -232,6 +268,10 @@ def test_mistakes_are_told_in_one_line(folder: Path, words: tuple[str, ...], tol
     table[:, 0] = np.arange(1_500) * 0.1
     header = (folder / "static.csv").read_text().partition("\n")[0]
     np.savetxt(folder / "faster.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    moving = np.loadtxt(folder / "static.csv", delimiter=",", skiprows=1)
+    late = moving[:, 0] - moving[0, 0] > 800.0
+    moving[:, 1] += np.where(late, 0.3 * np.sin(0.02 * moving[:, 0]), 0.0)
+    np.savetxt(folder / "flight.csv", moving, delimiter=",", header=header, comments="", fmt="%.9g")
     done = invoke("identify", *words, *UNITS, cwd=folder)
     assert done.returncode == 2
     assert told in done.stderr

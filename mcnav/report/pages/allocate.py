@@ -16,6 +16,7 @@ from mcnav.analysis.summary import RequirementEntry
 from mcnav.report.columns.requirements import TONES
 from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, WRAPPED, Cell, Column, Table
+from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.format import number
@@ -31,10 +32,12 @@ from mcnav.report.pages.screen import answered
 from mcnav.report.statements.lincov import large_mean_words
 from mcnav.report.statements.words import several
 
-EXPLANATION: Final = (
-    "Linear analysis for normal errors. Every number proposed was put into the campaign, and its linear answer "
-    "computed: it is the value shown."
-)
+EXPLANATION: Final = "Linear analysis for normal errors."
+
+CHECKED: Final = "Each number proposed was put into the campaign: the value shown is that campaign's linear answer."
+
+FIRST: Final = 8
+"""Numbers on the first screen, those that may change least first."""
 
 ALONE: Final = (
     "By linear analysis alone: no number here was simulated. mcnav allocate --confirm 3 simulates the three smallest "
@@ -463,8 +466,17 @@ def page(allocation: Allocation) -> Page:
     return answered(Page(
         f"{name}: allocation", "Allocation of errors", name,
         [*_mean_errors(allocation), Verdict(words, tone, explained), asked], sections,
-        [Note(f"{allocation.computed:,} linear answers were computed.")],
-    ), rest="Requirements")  # fmt: skip
+        [Note(f"{allocation.computed:,} linear answers were computed. {CHECKED}")],
+    ), _foremost(allocation), "Requirements")  # fmt: skip
+
+
+def _foremost(allocation: Allocation) -> Figure | None:
+    """Return the figure of the first screen: of the first goal that numbers meet, those that matter most."""
+    drawn_goals = (
+        drawn.multiples(replace(goal, changes=tuple(shown_changes(allocation, goal)[0])), place, FIRST)
+        for place, goal in enumerate(allocation.goals, start=1)
+    )
+    return next((figure for figure in drawn_goals if figure is not None), None)
 
 
 def _goal_section(allocation: Allocation, goal: Goal, place: int) -> Section:

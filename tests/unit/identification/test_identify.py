@@ -12,11 +12,13 @@ from scipy.stats import binom
 from mcnav import identify_noise
 from mcnav.arrays.types import Array
 from mcnav.identification.estimates import relative_deviations
+from mcnav.identification.handling import find_hold
 from mcnav.identification.processes import (
     RATE_RANDOM_WALK,
     WHITE,
     Grid,
     Model,
+    flicker,
     gauss_markov,
     quantization,
     random_walk,
@@ -61,6 +63,15 @@ def test_variances_of_quantization_and_of_a_random_walk_are_exact() -> None:
     total = np.tril(np.ones((COUNT, COUNT)), -1)[:, : COUNT - 1]
     covariance = INTERVAL * total @ toeplitz(lags[:-1]) @ total.T
     np.testing.assert_allclose(random_walk(GRID), variances(covariance), rtol=1e-9)
+
+
+def test_variances_of_flicker_noise_are_those_of_its_covariance() -> None:
+    """Means of noise with the covariance −ln t/π: second differences of −t² ln t/2π; to 1/n."""
+    lags = np.arange(-1.0, COUNT + 1.0)
+    squares = np.where(lags == 0.0, 0.0, lags**2 * np.log(np.maximum(np.abs(lags), 1.0)))
+    exact = variances(toeplitz(np.diff(squares, 2) / (-2.0 * np.pi)))
+    np.testing.assert_allclose(flicker(GRID), exact, rtol=0.25 / COUNT)
+    np.testing.assert_allclose(flicker(GRID)[:5], exact[:5], rtol=1e-4)
 
 
 @pytest.mark.parametrize("hours", [6.0, 24.0])
@@ -154,7 +165,46 @@ def test_an_instrument_that_filters_its_readings() -> None:
     assert estimate.low < N < estimate.high
     assert not noise.goodness.rejected
     assert "line at 37 Hz" in str(noise)
+    assert noise.half_power == pytest.approx(10.0, rel=0.2)  # a quarter of an octave
     assert identify_noise(readings, 0.01, below=50.0).goodness.rejected
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"), [(3.0, "held for 3 rows; a new one comes each 3 s"), (1.7, "held for 1.7 rows")]
+)
+def test_held_readings_are_fitted_once(rows: float, told: str) -> None:
+    """White noise of sigma one in readings that come each so many seconds: N is the root of their interval."""
+    fresh = np.random.default_rng(3).standard_normal(4_000)
+    noise = identify_noise(fresh[np.floor(np.arange(int(4_000 * rows)) / rows).astype(int)], 1.0)
+    assert told in str(noise)
+    (estimate,) = noise.estimates
+    assert estimate.low < np.sqrt(rows) < estimate.high
+
+
+def test_rounded_and_slow_readings_are_not_held() -> None:
+    rng = np.random.default_rng(3)
+    white, slow = rng.standard_normal(6_000), np.cumsum(0.05 * rng.standard_normal(6_000))
+    for readings in (white, np.round(white), np.round(slow), np.round(slow + 0.2 * white)):
+        assert find_hold(readings) is None
+    repeated = find_hold(np.where(rng.random(6_000) < 0.03, np.roll(white, 1), white))
+    assert repeated is not None
+    assert "% of the readings repeat the one before" in repeated.words(1.0)
+
+
+def test_white_noise_behind_a_slow_filter_is_that_of_the_lower_spectrum() -> None:
+    """A first-order filter looks like a Gauss-Markov process of some intervals, with hardly any white noise."""
+    white = np.random.default_rng(1).standard_normal(20_000)
+    noise = identify_noise(lfilter([0.2], [1.0, -0.8], white), 1.0)
+    assert noise.estimates[0].low < 1.0 < noise.estimates[0].high
+    assert noise.half_power == pytest.approx(np.arccos(1.0 - 0.02 / 0.8) / (2.0 * np.pi), rel=0.2)
+
+
+def test_a_drift_of_few_periods_is_no_line() -> None:
+    time = np.arange(20_000.0)
+    white = N * np.random.default_rng(6).standard_normal(20_000)
+    noise = identify_noise(white + 0.1 * N * np.sin(2.0 * np.pi * 2.0 * time / time[-1]), 1.0)
+    line = next(finding for finding in noise.goodness.findings if finding.name == "line")
+    assert line.p > 1e-3
 
 
 @pytest.mark.parametrize(
