@@ -17,7 +17,7 @@ class Ranging(ClosedLoop):
         ),
     )  # fmt: skip
     filter = Filter()
-    cycle, end = 1.0, 600.0
+    cycle, end = 1.0, 120.0
 
     def rates(self, truth):
         """Return the derivative of the constant; the drift is a process."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -49,6 +50,33 @@ class Candidate:
     beliefs: tuple[TunedBelief, ...]
     ratio: float
     cost: float
+
+
+@dataclass(frozen=True)
+class BoundingModel:
+    """A Gauss-Markov process whose filter bounds the errors by another one of unknown correlation time.
+
+    Attributes
+    ----------
+    sigma, initial : float
+        Stationary, and at the start.
+    correlation_time : float
+        s.
+    """
+
+    sigma: float
+    initial: float
+    correlation_time: float
+
+
+def bounding_model(sigma: float, shortest: float, longest: float) -> BoundingModel:
+    """Return the model that bounds a process of at most a sigma, whose correlation time lies between two, s.
+
+    ``sigma^2 longest / shortest``, at the start ``2 sigma^2 / (1 + shortest / longest)``; Langel, Garcia Crespillo and
+    Joerger, NAVIGATION 68(2), 2021.
+    """
+    ratio = longest / shortest
+    return BoundingModel(sigma * math.sqrt(ratio), sigma * math.sqrt(2.0 / (1.0 + 1.0 / ratio)), longest)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ LONGEST_CHOICE = 60
 
 GROUPS: Final = {
     "Start": ("demo", "new", "check", "run", "docs"),
-    "Analyse": ("lincov", "sweep", "allocate", "identify", "judge", "filters"),
+    "Analyse": ("lincov", "sweep", "allocate", "tune", "identify", "judge", "filters"),
     "Look": ("show", "live", "report", "brief", "compare", "index", "export", "replay"),
     "Documents": ("reproduce",),
 }

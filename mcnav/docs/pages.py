@@ -8,7 +8,7 @@ from typing import Final, Literal, get_args
 Page = Literal[
     "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
     "tutorial-noise", "tutorial-closed-loop", "tutorial-record", "questions", "howto-instruments", "howto-logs",
-    "howto-filter", "howto-landing", "howto-judge", "howto-requirements", "howto-rare", "howto-samples",
+    "howto-filter", "howto-landing", "howto-judge", "howto-requirements", "howto-ranges", "howto-rare", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "examination", "rare-events", "theory", "report",
     "glossary", "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling",
     "architecture", "decisions", "kernels",

@@ -23,7 +23,7 @@ import numpy as np
 
 from mcnav.analysis.box import Box, Setting
 from mcnav.analysis.linear_answer import LinearAnswer
-from mcnav.analysis.tuning import Candidate, TunedBelief, Tuning
+from mcnav.analysis.tuning import Candidate, TunedBelief, Tuning, bounding_model
 from mcnav.config.data_sheet import DataSheetNumber, round_up
 from mcnav.config.documents import Description, document_of
 from mcnav.config.overrides import Value, override, parse_document
@@ -125,14 +125,14 @@ class _Markov:
     def bounding(self) -> TunedBelief:
         """The bounding model."""
         span = self.time.span
-        ratio = span.high / span.low
-        initial = multiplied(_size(self.number), math.sqrt(2.0 / (1.0 + 1.0 / ratio)))
+        model = bounding_model(1.0, span.low, span.high)
         entry = {
-            "sigma": multiplied(_size(self.number), math.sqrt(ratio)), "correlation_time": str(span.written(span.high)),
-        }  # fmt: skip
-        if self.number.path.startswith("processes."):
-            entry["initial"] = initial
-        return TunedBelief(self.number.path, entry, math.sqrt(ratio), f"it bounds correlation times of {span}")
+            "sigma": multiplied(_size(self.number), model.sigma),
+            "correlation_time": str(span.written(span.high)),
+        }
+        if self.number.path.startswith("processes."):  # other tables have no sigma at the start
+            entry["initial"] = multiplied(_size(self.number), model.initial)
+        return TunedBelief(self.number.path, entry, model.sigma, f"it bounds correlation times of {span}")
 
 
 class _Study:

@@ -17,11 +17,13 @@ from mcnav.arrays.types import Array
 from mcnav.config.documents import UNNAMED
 from mcnav.config.overrides import override
 from mcnav.config.read import Campaign, campaign_from, parse_campaign
+from mcnav.errors import CampaignError
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
 from mcnav.studies.boxed_run import campaign_to_run
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linear_answers import answer_linearly
+from mcnav.studies.tune import tune
 from tests.commands import invoke
 
 AIDED = tomllib.loads("""
@@ -238,3 +240,37 @@ def test_at_nominal_and_without_ranges(folder: Path) -> None:
     assert nominal.remarks[0].startswith("the campaign has ranges; it is simulated at the upper ends: ")
     plain = campaign_with({})
     assert campaign_to_run(plain, None, {}) is plain
+
+
+def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model() -> None:
+    """No setting of the box is optimistic, at any reading; an answer by the engine at settings between agrees."""
+    campaign = campaign_with({"imu.gyro.bias_instability.correlation_time": "10..1000 s"})
+    tuning = tune(campaign, confirm=False)
+    assert tuning.chosen is not None
+    assert tuning.chosen.ratio <= 1.0 + 1e-9
+    bounding = next(candidate for candidate in tuning.candidates if candidate.name == "bounding model")
+    assert tuning.chosen.cost < bounding.cost
+    boxed = BoxedCampaign(parse_campaign(
+        override(override(AIDED, {"imu.gyro.bias_instability.correlation_time": "10..1000 s"}),
+                 {f"filter.believes.{belief.path}": belief.entry for belief in tuning.chosen.beliefs}),
+        UNNAMED, UNNAMED,
+    ))  # fmt: skip
+    for share in (0.1, 0.6, 0.9):
+        answer = answer_linearly(boxed.at(boxed.setting([boxed.ranges[0].span.at(share)])))
+        assert measures(answer)[-1] <= 1.0 + 1e-6
+
+
+def test_tune_inflates_where_the_filter_neglects_errors() -> None:
+    """Scale factors that are no states make it optimistic by 3.7; the cheapest inflation makes it pessimistic."""
+    ranges = {"imu.gyro.scale_factor": "1000..5000 ppm", "imu.accelerometer.scale_factor": "1000..5000 ppm"}
+    tuning = tune(campaign_with(ranges), confirm=False)
+    assert tuning.before > 3.0
+    assert tuning.chosen is not None
+    assert tuning.chosen.ratio <= 1.0 + 1e-9
+    assert all(belief.factor > 1.0 for belief in tuning.chosen.beliefs)
+    assert tuning.believes
+
+
+def test_tune_refuses_what_it_cannot_tune() -> None:
+    with pytest.raises(CampaignError, match="has no ranges"):
+        tune(campaign_with({}))

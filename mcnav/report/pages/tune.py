@@ -16,15 +16,14 @@ from mcnav.report.statements.box import setting_words
 
 def verdict(tuning: Tuning) -> Verdict:
     """State whether a filter was found, and what it costs."""
-    before = (
-        f"As it is, the largest true ÷ filter sigma is {rounded(tuning.before)} over the settings that were looked at."
-    )
+    largest = rounded(tuning.before, 5)
+    before = f"As it is, the largest true ÷ filter sigma is {largest} over the settings that were looked at."
     if tuning.chosen is None:
         words = "No filter that was tried bounds the errors at every setting"
         return Verdict(words, "differs", [before, "Let the filter model more of the errors: [filter] estimates."])
     sentences = [
         before,
-        f"With the beliefs below it is {rounded(tuning.chosen.ratio, 4)}; closest with {setting_words(tuning.worst)}.",
+        f"With the beliefs below it is {rounded(tuning.chosen.ratio, 5)}; closest with {setting_words(tuning.worst)}.",
         f"Errors are there {rounded(tuning.known)} times those of a filter that knows this setting.",
     ]
     if tuning.box is not None and not tuning.box.exact:
@@ -54,7 +53,7 @@ def _beliefs(tuning: Tuning) -> Table[TunedBelief]:
 def _candidates(tuning: Tuning) -> Table[Candidate]:
     columns: list[Column[Candidate]] = [
         Column("Filter", lambda row: row.name, "filter", "label"),
-        Column("Largest true ÷ filter sigma", lambda row: rounded(row.ratio, 4), "largest true ÷ filter σ"),
+        Column("Largest true ÷ filter sigma", lambda row: rounded(row.ratio, 5), "largest true ÷ filter σ"),
         Column("Cost", lambda row: rounded(row.cost, 4), "cost"),
     ]
     caption = f"Filters that were tried. Cost: {tuning.measure}."
