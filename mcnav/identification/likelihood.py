@@ -194,5 +194,5 @@ def profile_end(
         else:
             outer, above = trial, value
         if abs(value) < NEAR:
-            return center + sign * trial
-    return center + sign * 0.5 * (inner + outer)
+            return float(center + sign * trial)
+    return float(center + sign * 0.5 * (inner + outer))
