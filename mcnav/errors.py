@@ -203,6 +203,11 @@ def suggestion(name: str, known: Sequence[str]) -> str:
     return f"{near} It is one of {listed}" if near else f"; expected one of {listed}"
 
 
+def reason_of(failure: Exception) -> str:
+    """Return the first line of what a library says of a file that it cannot read."""
+    return printable(str(failure).splitlines()[0] if str(failure) else type(failure).__name__, LONGEST_TOLD)
+
+
 def shortened(text: str) -> str:
     """Shorten every digest in a text for people.
 

@@ -105,9 +105,9 @@ def prose_of(page: str) -> list[str]:
     ['See the page for code.', '- one', '- two']
     """
     page = re.sub(r"^```.*?^```[^\n]*$", "", page, flags=re.MULTILINE | re.DOTALL)
-    page = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", re.sub(r"`[^`]+`", "code", page))
+    page = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", re.sub(r"`[^`]+`", "code", page.replace("**", "")))
     silent = re.compile(r"^(\||    |#|<|\$|>>>|!\[).*$", re.MULTILINE)
-    blocks = re.split(r"\n\s*\n|\n(?=- |\d+\. )", silent.sub("\n", page))
+    blocks = re.split(r"\n\s*\n|\n(?= *- |\d+\. )", silent.sub("\n", page))
     return [text for text in (" ".join(block.split()) for block in blocks) if text]
 
 

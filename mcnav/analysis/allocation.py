@@ -58,6 +58,9 @@ class NumberChange:
     simulated : RequirementEntry or None
         The requirement of the goal with the least margin as samples of the changed campaign show it; none where the
         change was not simulated.
+    linearity : str
+        Whether linear analysis holds then: ``holds``, ``does not hold``, ``cannot say``; empty where no flight has
+        examined it.
     """
 
     label: str
@@ -68,6 +71,7 @@ class NumberChange:
     closest: float
     result: LinearRequirement
     simulated: RequirementEntry | None = None
+    linearity: str = ""
 
     @property
     def reached(self) -> bool:
@@ -117,11 +121,14 @@ class GradeChange:
         Requirement with the least margin.
     simulated : RequirementEntry or None
         The requirement with the least margin as samples show it; none where the change was not simulated.
+    linearity : str
+        As that of `NumberChange`.
     """
 
     moves: tuple[GradeMove, ...]
     worst: LinearRequirement
     simulated: RequirementEntry | None = None
+    linearity: str = ""
 
     @property
     def met(self) -> bool:
@@ -169,6 +176,10 @@ class Allocation:
         Linear answers that were computed.
     basis : Basis or None
         Simulation of the campaign as it is, which scales linear answers; none where they stand alone.
+    linearity : str
+        Whether linear analysis holds of the campaign as it is; as that of `NumberChange`.
+    unexamined : str
+        Why flights have not examined all changes, a clause; empty where they have, or nobody asked.
     """
 
     answer: LinearAnswer
@@ -177,6 +188,8 @@ class Allocation:
     grades: GradeSearch | None
     computed: int
     basis: Basis | None = None
+    linearity: str = ""
+    unexamined: str = ""
 
 
 def worst_of(requirements: Sequence[LinearRequirement], goal: Sequence[int]) -> LinearRequirement:

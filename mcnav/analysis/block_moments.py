@@ -87,6 +87,11 @@ class SampleMoments:
         )
         return self._sums(simulated), self._sums(simulated - linear)
 
+    def paired_products(self, i: int, others: IndexArray) -> Array:
+        """Add up ``y_i y_j - z_i z_j`` about the means of all samples for several j, shape (b, others)."""
+        y, z = self.y - self.mean, self.z - self.linear_mean
+        return self._sums(y[:, [i]] * y[:, others] - z[:, [i]] * z[:, others])
+
     def combined(self, weights: Array) -> tuple[Array, Array]:
         """Add up ``u^2``, and ``u^2 - v^2``, of the combinations ``u = w y`` and ``v = w z`` about their means."""
         u, v = ((values - mean) @ weights for values, mean in ((self.y, self.mean), (self.z, self.linear_mean)))
@@ -111,16 +116,18 @@ class SampleMoments:
         y, z = squared_distances(self.y, self.mean, self.given), squared_distances(self.z, self.linear_mean, self.given)
         return self._sums(y - z)
 
-    def whitened(self) -> Iterator[tuple[Array, Array]]:
+    def whitened(self, products: bool = True) -> Iterator[tuple[Array, Array]]:
         """Add up in whitened coordinates of dimension r, some blocks at a time.
 
-        The rows are y about the linear mean, ``y - z``, and the distinct elements of ``y y^T - z z^T`` about the means
-        of all samples, shape (2 r + r (r + 1) / 2, blocks). With them comes the sum of the squares of each row's terms.
+        The rows are y about the linear mean, ``y - z``, and with ``products`` the distinct elements of ``y y^T - z
+        z^T`` about the means of all samples, shape (2 r + r (r + 1) / 2, blocks). With them comes the sum of the
+        squares of each row's terms.
         """
         matrix = self.given.matrix.T
-        elements = list(zip(*np.triu_indices(self.given.rank), strict=True))
-        centre, *means = ((matrix @ each)[:, None] for each in (self.centre, self.mean, self.linear_mean))
-        for rows, own in stretches_of_blocks(self.begins, self.samples):
+        elements = list(zip(*np.triu_indices(self.given.rank), strict=True)) if products else []
+        centre, *means = ((matrix @ vector)[:, None] for vector in (self.centre, self.mean, self.linear_mean))
+        columns = 2 * self.given.rank + len(elements)
+        for rows, own in stretches_of_blocks(self.begins, self.samples, columns):
             u, v = matrix @ self.y[rows].T, matrix @ self.z[rows].T
             y, z = u - means[0], v - means[1]
             sums = np.empty((2 * len(u) + len(elements), own.stop - own.start))
@@ -219,6 +226,10 @@ class SummaryMoments:
         yy, zz = (each[:, i, j] for each in self.centred)
         return yy, yy - zz
 
+    def paired_products(self, i: int, others: IndexArray) -> Array:
+        yy, zz = self.centred
+        return np.asarray(yy[:, i, others] - zz[:, i, others])
+
     def combined(self, weights: Array) -> tuple[Array, Array]:
         yy, zz = (np.einsum("bij,i,j->b", each, weights, weights) for each in self.centred)
         return yy, yy - zz
@@ -242,12 +253,12 @@ class SummaryMoments:
         simulated, linear = (np.einsum("bij,ij->b", products, weights) for products in self.centred)
         return np.asarray(simulated - linear)
 
-    def whitened(self) -> Iterator[tuple[Array, Array]]:
+    def whitened(self, products: bool = True) -> Iterator[tuple[Array, Array]]:
         matrix = self.given.matrix
-        first, second = np.triu_indices(self.given.rank)
+        first, second = np.triu_indices(self.given.rank if products else 0)
         yy, zz = self.centred
-        products = transform(matrix.T, yy - zz)[:, first, second]
-        sums = np.concatenate([self.y @ matrix, (self.y - self.z) @ matrix, products], axis=1).T
+        elements = transform(matrix.T, yy - zz)[:, first, second]
+        sums = np.concatenate([self.y @ matrix, (self.y - self.z) @ matrix, elements], axis=1).T
         yield sums, np.sum(sums**2, axis=1)
 
     def within(self) -> Array:

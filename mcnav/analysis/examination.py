@@ -21,15 +21,15 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from mcnav.analysis.combinations import FixedCombination, fixed_combinations
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.corrected_moments import CorrectedMoments
+from mcnav.analysis.model import Model
 from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array
 from mcnav.linear.departure_model import DepartureModel
-from mcnav.statistics.whitening import Whitening, whitening
+from mcnav.statistics.whitening import Whitening
 
 HOLDS: Final = 0.8
 """Share of the tolerance on sigma ratios within which linear analysis holds."""
@@ -78,25 +78,6 @@ class ExaminedMatrix:
 
 
 @dataclass(frozen=True)
-class CorrectedMoments:
-    """Mean and sigma of the outputs to fourth order in sigma, shape (outputs,), SI (`mcnav.linear.higher_order`).
-
-    Attributes
-    ----------
-    error : ndarray, shape (outputs,)
-        Uncertainty of sigma: its difference from the examination's, and the half width of that one's bounds.
-    """
-
-    mean: Array
-    sigma: Array
-    error: Array
-
-    def improves(self, linear: Array) -> NDArray[np.bool_]:
-        """Tell which sigmas are known to less than half of their correction of the linear ones, shape (outputs,)."""
-        return np.asarray(self.error < 0.5 * np.abs(self.sigma - linear))
-
-
-@dataclass(frozen=True)
 class Examination:
     """Examination of linear analysis.
 
@@ -110,6 +91,8 @@ class Examination:
         In the order of the scenario.
     joint : ExaminedMatrix or None
         None where no output varies.
+    mean_departure : tuple of two ndarrays, shape (outputs,)
+        Mean of the outputs less the linear one, SI, and the half width of its bounds; NaN where a simulation failed.
     corrected : CorrectedMoments or None
         Moments of second order; none where they are not computed.
     """
@@ -119,6 +102,7 @@ class Examination:
     tolerance: float
     outputs: tuple[ExaminedSigma, ...]
     joint: ExaminedMatrix | None
+    mean_departure: tuple[Array, Array]
     corrected: CorrectedMoments | None = None
 
     @property
@@ -126,6 +110,10 @@ class Examination:
         """Return whether every verdict says something."""
         verdicts = [output.verdict for output in self.outputs] + ([self.joint.verdict] if self.joint else [])
         return Linearity.UNKNOWN not in verdicts
+
+    def verdict_on(self, outputs: Sequence[int]) -> Linearity:
+        """Return the verdict on some outputs, each alone."""
+        return combine([self.outputs[output].verdict for output in outputs])
 
     def completed_by(self, other: Examination) -> Examination:
         """Return this examination with the other's answers where this one cannot say; those of failures say nothing."""
@@ -136,7 +124,10 @@ class Examination:
         joint = self.joint
         if joint is not None and joint.verdict == Linearity.UNKNOWN and not other.failed:
             joint = other.joint
-        return replace(self, flights=self.flights + other.flights, failed=other.failed, outputs=outputs, joint=joint)
+        return replace(
+            self, flights=self.flights + other.flights, failed=other.failed, outputs=outputs, joint=joint,
+            mean_departure=self.mean_departure if other.failed else other.mean_departure,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -219,7 +210,7 @@ def examine(
     drawn : ndarray, shape (n, r), optional
         Normals along the axes over which the polynomial is averaged, where the errors are not normal.
     """
-    linear, given = model.outcome_covariance, whitening(model.judged_covariance)
+    linear, given = model.outcome_covariance, model.whitened
     squares = _Squares(departure.mean, given)
     missed = squares.of(flights.linear, flights.departures) - squares.of(flights.linear, departure.at(flights.normals))
     added = _Bounded.of_pairs(missed) + _expected(squares, departure, drawn)
@@ -241,14 +232,24 @@ def examine(
         ratio, low, high = _ratios(float(given.rank), float(added.value[-1]), float(added.half[-1]))
         mean_error = float(np.linalg.norm(departure.mean @ given.matrix))
         joint = ExaminedMatrix(ratio, low, high, mean_error, combine([known, *fixed]))
-    return Examination(simulated, 0, tolerance, outputs, joint)
+    return Examination(simulated, 0, tolerance, outputs, joint, _mean_departure(departure, flights))
+
+
+def _mean_departure(departure: DepartureModel, flights: CheckFlights) -> tuple[Array, Array]:
+    """Return the mean departure with the half width of its bounds, of normal errors: the polynomial's is known."""
+    missed = flights.departures - departure.at(flights.normals)
+    if flights.noise is not None:
+        missed = missed + flights.noise[1].reshape(-1, *missed.shape).mean(axis=0)
+    mean = _Bounded.of_pairs(missed)
+    return departure.mean + mean.value, mean.half
 
 
 def refuse(simulated: int, failed: int, tolerance: float, outputs: int) -> Examination:
     """Return the examination of which simulations failed: it cannot say anything."""
     unknown = ExaminedSigma(math.nan, math.nan, math.nan, math.nan, Linearity.UNKNOWN)
     joint = ExaminedMatrix(math.nan, math.nan, math.nan, math.nan, Linearity.UNKNOWN)
-    return Examination(simulated, failed, tolerance, (unknown,) * outputs, joint)
+    nowhere = np.full(outputs, np.nan)
+    return Examination(simulated, failed, tolerance, (unknown,) * outputs, joint, (nowhere, nowhere))
 
 
 def combine(verdicts: Sequence[Linearity]) -> Linearity:
@@ -302,10 +303,9 @@ def _judge(variance: float, added: float, half: float, floor: float, tolerance: 
 
 def _judge_fixed(model: Model, flights: CheckFlights, tolerance: float) -> list[Linearity]:
     """Judge the combinations of outputs that linear analysis holds fixed."""
-    judged = model.judged_covariance
-    sigma = np.sqrt(np.diag(judged))
+    sigma = np.sqrt(np.diag(model.judged_covariance))
     fixed = fixed_combinations(
-        model.partials, model.covariance, list(model.processes.values()), sigma, whitening(judged).rank, model.floor
+        model.partials, model.covariance, list(model.processes.values()), sigma, model.whitened.rank, model.floor
     )
     departures = flights.departures if flights.noise is None else flights.departures + flights.noise[1]
     return [_judge_combination(combination, sigma, departures, tolerance) for combination in fixed]

@@ -53,7 +53,7 @@ class Event:
         Parameters
         ----------
         sizes : mapping of int to tuple of int
-            As those of `mcnav.analysis.comparison.Model`.
+            As those of `mcnav.analysis.model.Model`.
         origin : ndarray, shape (outputs,) or, over time, (epochs, outputs), optional
             What all outputs are measured from.
         """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcnav.analysis.block_moments import ErrorSums, ReducedSamples
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.arrays.products import transformed_variances
 from mcnav.arrays.types import Array
 

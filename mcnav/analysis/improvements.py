@@ -50,8 +50,6 @@ class Improvement:
         Sigmas at the end over those of the campaign; one where there is none.
     departing : float
         The true sigma of the output of which the filter departs, over that of the campaign; NaN without one.
-    share : float
-        Share of the number in the square of what improvements are ranked by; NaN without such a thing.
     """
 
     slider: Slider
@@ -60,68 +58,45 @@ class Improvement:
     used: float | None
     sigmas: Array
     departing: float = math.nan
-    share: float = math.nan
 
 
-@dataclass(frozen=True)
-class Improvements:
-    """All improvements, the best first.
-
-    Attributes
-    ----------
-    used : float, optional
-        Share of its limit that the tightest requirement uses now.
-    listed : sequence of Improvement
-    unsized : float
-        Share of causes that no number sizes in what improvements are ranked by; NaN without such a thing.
-    """
-
-    used: float | None
-    listed: Sequence[Improvement]
-    unsized: float
-
-
-def improvements(what_if: WhatIf, departing: Departing | None = None) -> Improvements:
+def improvements(what_if: WhatIf, departing: Departing | None = None) -> list[Improvement]:
     """Find what each number does to what the filter gets wrong, to the tightest requirement, or to all sigmas.
 
     Parameters
     ----------
     departing : Departing, optional
         What the filter gets wrong: improvements are ranked by their effect on it, and not by requirements.
+
+    Returns
+    -------
+    list of Improvement
+        The best first.
     """
     sliders, covariance = what_if.campaign.sliders, what_if.covariance
-    pairs = zip(what_if.requirements, what_if.known_scales, strict=True)
-    sizes = [(errors, scale) for errors, scale in pairs if errors.requirement.kind != "box"]
-    limited, known = [errors for errors, _ in sizes], [scale for _, scale in sizes]
     at = None if departing is None else (reading_at(covariance, departing.time), departing.output)
-    before, ones = covariance.sigma([1.0] * len(sliders)), [1.0] * len(sliders)
+    ones = [1.0] * len(sliders)
     offered = [(number, *finer) for number, slider in enumerate(sliders) if (finer := next_finer(slider)) is not None]
     changed = [[*ones[:number], factor, *ones[number + 1 :]] for number, _, factor in offered]
-    without = [[*ones[:number], 0.0, *ones[number + 1 :]] for number, _, _ in offered]
-    all_factors = [ones, *changed, *without, [0.0] * len(sliders)]
-    used = largest_shares(covariance, limited, all_factors, known)
-    squares = _squares(covariance, at, all_factors, used)
-    listed = []
-    for place, (number, grade, factor) in enumerate(offered, 1):
-        after = covariance.sigma(all_factors[place])
+    used, before, listed = shares_used(what_if, changed), covariance.sigma(ones), []
+    for place, (number, grade, factor) in enumerate(offered):
+        after = covariance.sigma(changed[place])
         sigmas = np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
-        left = squares[place + len(offered)]
         listed.append(
             Improvement(
                 sliders[number], grade, factor, None if used is None else used[place], sigmas[-1],
-                math.nan if at is None else float(sigmas[at]), 1.0 - left,
+                math.nan if at is None else float(sigmas[at]),
             )
         )  # fmt: skip
-    return Improvements(None if used is None else used[0], sorted(listed, key=_rank), squares[-1])
+    return sorted(listed, key=_rank)
 
 
-def _squares(
-    covariance: ScaledCovariance, at: tuple[int, int] | None, factors: Sequence[Sequence[float]],
-    used: Sequence[float] | None,
-) -> list[float]:  # fmt: skip
-    """Return the square that improvements are ranked by with numbers multiplied, over that with the first factors."""
-    values = [float(covariance.sigma(each)[at]) for each in factors] if at is not None else used or [0.0]
-    return [(value / values[0]) ** 2 for value in values] if values[0] > 0.0 else [math.nan] * len(factors)
+def shares_used(what_if: WhatIf, factors: Sequence[Sequence[float]]) -> list[float] | None:
+    """Compute the largest share of its limit that a requirement on sizes uses with numbers multiplied; or none."""
+    pairs = zip(what_if.requirements, what_if.known_scales, strict=True)
+    sizes = [(errors, scale) for errors, scale in pairs if errors.requirement.kind != "box"]
+    limited, known = [errors for errors, _ in sizes], [scale for _, scale in sizes]
+    return largest_shares(what_if.covariance, limited, factors, known)
 
 
 def _rank(improvement: Improvement) -> tuple[float, float, float]:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.analysis.box import Box
 from mcnav.analysis.budget import ErrorBudget, error_budget
 from mcnav.analysis.causes import Cause, causes_of
-from mcnav.analysis.comparison import Model
-from mcnav.analysis.examination import Examination, Linearity
+from mcnav.analysis.examination import Examination
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.floor import CANCELLED
 from mcnav.analysis.gates import GateAnswer
@@ -21,6 +22,7 @@ from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance, Moments
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of, picked, readings_beyond
 from mcnav.analysis.mean_errors import departures
+from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import (
@@ -39,9 +41,16 @@ from mcnav.statistics.normal_size import NormalSize, size_quantile, size_quantil
 from mcnav.statistics.refusals import or_withheld
 
 
+class Order(StrEnum):
+    """Order of the expansion in the errors by which a requirement is judged."""
+
+    LINEAR = "linear"
+    SECOND = "second order"
+
+
 @dataclass(frozen=True)
 class LinearRequirement:
-    """Requirement judged for linear normal errors.
+    """Requirement judged for linear normal errors, or to second order (`mcnav.analysis.corrected_requirements`).
 
     Attributes
     ----------
@@ -58,6 +67,12 @@ class LinearRequirement:
         (`mcnav.analysis.requirements.RARE`); else, and where it is not known (`mcnav.statistics.normal_box`), NaN.
     curved : float
         The same with the curvature of the outputs (`mcnav.analysis.tail_curves`); NaN where it is not computed.
+    order : Order
+        By which it is judged; to second order there is no margin, since corrections do not grow as errors do.
+    share : float
+        Uncertainty of a value of second order, as a share of it; zero of a linear one.
+    doubt : str
+        Reason for which an examination lets nobody judge it, a clause; empty where it is judged.
     """
 
     requirement: Requirement
@@ -66,11 +81,14 @@ class LinearRequirement:
     time: float | None = None
     beyond: float = math.nan
     curved: float = math.nan
+    order: Order = Order.LINEAR
+    share: float = 0.0
+    doubt: str = ""
 
     @property
     def judged(self) -> bool:
-        """Return whether linear analysis can tell."""
-        return not math.isnan(self.value)
+        """Return whether it can be told without samples."""
+        return not math.isnan(self.value) and not self.doubt
 
     @property
     def met(self) -> bool:
@@ -81,6 +99,15 @@ class LinearRequirement:
         if self.requirement.kind == "box":
             return self.value >= size_probability(self.requirement)
         return self.value < self.requirement.limits[0]
+
+    @property
+    def tightness(self) -> float:
+        """Margin by which requirements are sorted: of second order the limit over the value, which a box has not."""
+        if self.order == Order.LINEAR:
+            return self.margin
+        return self.value / size_probability(self.requirement) if self.requirement.kind == "box" else (
+            self.requirement.limits[0] / self.value
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -112,12 +139,16 @@ class LinearAnswer:
         What gates make of good measurements; none without a gate.
     examination : Examination or None
         Where it holds, by simulations (`mcnav.analysis.examination`); none where that was not asked for.
+    examined_in : float
+        Seconds that this took; infinite without one.
     unexamined : str
         Reason why it was asked for and left out, a clause; empty elsewhere.
     kind : str
         Type of its scenario.
     remarks : tuple of str
         What the scenario notices of itself; see `mcnav.contract.scenario.PlainScenario`.
+    box : Box or None
+        The worst and the best over the campaign's ranges, of which all else here has the upper ends; none without any.
     card : callable or None
         Writes it as HTML, for notebooks.
 
@@ -143,9 +174,11 @@ class LinearAnswer:
     gates: tuple[GateAnswer, ...] = ()
     rejections: RejectionAnswer | None = None
     examination: Examination | None = None
+    examined_in: float = field(default=math.inf, repr=False, compare=False)
     unexamined: str = ""
     kind: str = ""
     remarks: tuple[str, ...] = ()
+    box: Box | None = None
     card: Callable[[LinearAnswer], str] | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -297,19 +330,6 @@ def within_range(
     return tuple(
         replace(judgement, value=nan, margin=nan, time=None, beyond=nan) if meaningless(judgement) else judgement
         for judgement in judged
-    )
-
-
-def where_linear(judged: Sequence[LinearRequirement], examination: Examination | None) -> tuple[LinearRequirement, ...]:
-    """Withdraw the judgement on requirements on outputs of which linear analysis does not hold at the end."""
-    if examination is None:
-        return tuple(judged)
-    nan, outputs = math.nan, examination.outputs
-    return tuple(
-        replace(requirement, value=nan, margin=nan, time=None, beyond=nan)
-        if any(outputs[number].verdict == Linearity.FAILS for number in requirement.requirement.outputs)
-        else requirement
-        for requirement in judged
     )
 
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.statistics.whitening import whitening
 

@@ -15,7 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.linear import LinearModel

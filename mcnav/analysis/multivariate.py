@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcnav.analysis.block_moments import BlockMoments, ReducedSamples
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.execution.child_processes import side_threads
 from mcnav.sampler.designs import SamplingDesign
@@ -24,6 +24,12 @@ from mcnav.statistics.shape import shape_of_sums
 
 ROUNDING: Final = 1e-9
 """Root mean square difference between simulated and linear errors, in sigmas, that counts as rounding."""
+
+MOST_ELEMENTS: Final = 2_000
+"""Distinct elements of a covariance matrix above which they are not tested together: those of 62 outputs.
+
+Their scatter has the square of as many elements, and its decomposition takes the cube: 32 MB and seconds.
+"""
 
 FEWEST_PAIRS: Final = 5_000
 """Antithetic pairs below which the paired covariance is not tested.
@@ -91,20 +97,10 @@ class MultivariateTests:
 
 
 def compare_jointly(
-    samples: ReducedSamples, linear: Array, rank: int, confidence: float, design: SamplingDesign,
-    judged: NDArray[np.bool_],
-) -> MultivariateTests:  # fmt: skip
-    """Test the outputs together against P S P^T, with a confidence for each interval.
-
-    Parameters
-    ----------
-    linear : ndarray, shape (outputs, outputs)
-        P S P^T, zero in the rows and columns of outputs that are not judged.
-    rank : int
-        Its rank.
-    judged : ndarray of bool, shape (outputs,)
-        Outputs that are judged.
-    """
+    samples: ReducedSamples, model: Model, confidence: float, design: SamplingDesign
+) -> MultivariateTests:
+    """Test the outputs that are judged together against P S P^T, with a confidence for each interval."""
+    linear, judged, rank = model.judged_covariance, model.judged, model.whitened.rank
     moments, stored = samples.moments, samples.stored
     count, blocks, fewest = moments.samples, len(moments.counts), design.fewest_blocks
     sample, predicted = (np.where(np.outer(judged, judged), covariance, 0.0) for covariance in moments.covariances)
@@ -113,7 +109,8 @@ def compare_jointly(
     counted = bool(judged.all()) or moments is stored  # a stored summary has the counts for all outputs together
     ranked = design.independent and stored.samples >= fewest
     with side_threads(1 if count > STRETCH else 0) as executor:  # for the slowest part
-        tests = executor.submit(_hotelling_tests, moments, rank) if blocks >= fewest else None
+        elements = _covariance_testable(blocks, count, rank)
+        tests = executor.submit(_hotelling_tests, moments, rank, elements) if blocks >= fewest else None
         shapes = [
             executor.submit(
                 lambda i: shape_of_sums(moments.powers(i), moments.counts, fewest if judged[i] else np.inf), i
@@ -126,33 +123,35 @@ def compare_jointly(
             nees_expected=mean_interval(count, rank, confidence) if plain and design.normal else None,
             contained=containment(moments.within(), count, confidence) if plain and counted else (),
             normality=mardia(stored.y[:, judged]) if ranked else None,
-            correlations=tuple(
-                _correlation((i, j), linear, paired, moments, fewest)
-                for i, j in combinations(range(len(linear)), 2)
-                if min(linear[i, i], linear[j, j], paired[i, i], paired[j, j]) > 0.0
-            ),
+            correlations=tuple(_correlations(linear, paired, moments, fewest)),
             skewness=tuple(shape.result()[0] for shape in shapes),
             excess_kurtosis=tuple(shape.result()[1] for shape in shapes),
             bias=tests.result()[0] if tests and plain else None,
             bias_paired=tests.result()[1] if tests else None,
-            covariance_paired=tests.result()[2] if tests and _covariance_testable(blocks, count) else None,
+            covariance_paired=tests.result()[2] if tests else None,
         )
 
 
-def _covariance_testable(blocks: int, samples: int) -> bool:
-    """Return whether the blocks are enough to test the paired covariance; see `FEWEST_PAIRS`."""
+def _covariance_testable(blocks: int, samples: int, rank: int) -> bool:
+    """Return whether the blocks are enough to test the paired covariance, and its elements few enough.
+
+    See `FEWEST_PAIRS` and `MOST_ELEMENTS`.
+    """
     pairs = blocks < samples <= 2 * blocks
-    return not pairs or blocks >= FEWEST_PAIRS
+    enough = not pairs or blocks >= FEWEST_PAIRS
+    return enough and rank * (rank + 1) // 2 < min(blocks, MOST_ELEMENTS)
 
 
-def _hotelling_tests(moments: BlockMoments, rank: int) -> list[HypothesisTest | None]:
+def _hotelling_tests(moments: BlockMoments, rank: int, elements: bool) -> list[HypothesisTest | None]:
     """Test the mean of y, that of y - z, and the distinct elements of cov(y) - cov(z), in whitened coordinates.
+
+    Without ``elements`` the last is none.
 
     A difference that is only rounding counts as zero.
     """
     groups = (slice(0, rank), slice(rank, 2 * rank), slice(2 * rank, None))
     gathered, squares = [RunningScatter() for _ in groups], np.zeros(1)
-    for sums, own in moments.whitened():
+    for sums, own in moments.whitened(elements):
         squares = squares + own
         for group, running in zip(groups, gathered, strict=True):
             running.add(sums[group])
@@ -168,19 +167,25 @@ def _hotelling_tests(moments: BlockMoments, rank: int) -> list[HypothesisTest | 
     ]
 
 
-def _correlation(
-    pair: tuple[int, int], linear: Array, paired: Array, moments: BlockMoments, fewest: float
-) -> CorrelationDifference:
-    """Estimate the difference of one correlation, its error by the influence function of r = C_ij / sqrt(C_ii C_jj).
+def _correlations(
+    linear: Array, paired: Array, moments: BlockMoments, fewest: float
+) -> Iterator[CorrelationDifference]:
+    """Estimate the differences of all correlations, their errors by the influence function of r.
 
-    With d_ij the contribution of a sample to cov(y) - cov(z), that is ``d_ij / sqrt(C_ii C_jj) - r/2 (d_ii/C_ii +
-    d_jj/C_jj)``.
+    With ``r = C_ij / sqrt(C_ii C_jj)`` and d_ij the contribution of a sample to cov(y) - cov(z), that is ``d_ij /
+    sqrt(C_ii C_jj) - r/2 (d_ii/C_ii + d_jj/C_jj)``. One row of pairs at a time: memory grows with their outputs alone.
     """
-    i, j = pair
-    root = float(np.sqrt(paired[i, i] * paired[j, j]))
-    difference = float(paired[i, j]) / root
-    crossed, first, second = (moments.products(*each)[1] for each in ((i, j), (i, i), (j, j)))
-    own = first / paired[i, i] + second / paired[j, j]
-    influence = summed_mean(crossed / root - 0.5 * difference * own, moments.counts, fewest)
-    before = float(linear[i, j] / np.sqrt(linear[i, i] * linear[j, j]))
-    return CorrelationDifference(pair, before, difference, replace(influence, value=difference - before))
+    dispersed = np.flatnonzero((np.diag(linear) > 0.0) & (np.diag(paired) > 0.0))
+    if len(dispersed) < 2:
+        return
+    own = np.stack([moments.products(i, i)[1] / paired[i, i] for i in dispersed.tolist()], axis=1)
+    for place, i in enumerate(dispersed.tolist()):
+        others = dispersed[place + 1 :]
+        roots = np.sqrt(paired[i, i] * paired[others, others])
+        differences = paired[i, others] / roots
+        influences = moments.paired_products(i, others) / roots
+        influences -= 0.5 * differences * (own[:, place, None] + own[:, place + 1 :])
+        before = linear[i, others] / np.sqrt(linear[i, i] * linear[others, others])
+        for j, difference, influence, correlation in zip(others, differences, influences.T, before, strict=True):
+            estimate = replace(summed_mean(influence, moments.counts, fewest), value=float(difference - correlation))
+            yield CorrelationDifference((int(i), int(j)), float(correlation), float(difference), estimate)

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, Literal
 
+from mcnav.analysis.examination import Linearity
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.files.records import Number, Record
 
@@ -27,8 +28,14 @@ DEPARTING: Final = (Honesty.OPTIMISTIC.value, Honesty.PESSIMISTIC.value)
 REFUTING: Final = (*DEPARTING, "not met")
 """Findings of samples that refute a remedy; of an undecided one linear covariance is what is known."""
 
+DOUBTED: Final = (Linearity.FAILS.value, Linearity.UNKNOWN.value)
+"""Verdicts of an examination by which linear analysis is not shown to hold."""
+
 LEAST: Final = 5e-4
 """Change of a ratio, sigma or share of a limit below which a remedy does not help."""
+
+
+NOWHERE_LINEAR: Final = "linear analysis does not hold of anything that it proposes"
 
 
 class Standing(Record):
@@ -77,6 +84,9 @@ class Remedy(Record):
         Finding of samples of the changed campaign on what fails; empty where it was not simulated.
     samples : int
         Of that simulation; they have the draws of the run.
+    linearity : str
+        Whether linear analysis holds of the changed campaign: ``holds``, ``does not hold``, ``cannot say``; empty where
+        no flight has examined it.
     """
 
     words: str
@@ -86,6 +96,12 @@ class Remedy(Record):
     held: bool = False
     simulated: str = ""
     samples: int = 0
+    linearity: str = ""
+
+    @property
+    def doubted(self) -> bool:
+        """Return whether it rests on linear analysis that is not shown to hold, and on no samples."""
+        return self.linearity in DOUBTED and not self.confirmed
 
     @property
     def confirmed(self) -> bool:
@@ -119,6 +135,8 @@ class Remedies(Record):
         analysis fails in the run.
     reason : str
         Why none is listed; empty where one is.
+    unexamined : str
+        Why flights have not examined all that are listed, a clause; empty where they have, or nobody asked.
     left : int
         Remedies that were not computed, because a run does not wait for them.
     missed : tuple of str
@@ -135,6 +153,7 @@ class Remedies(Record):
     withheld: tuple[str, ...] = ()
     reason: str = ""
     left: int = 0
+    unexamined: str = ""
     missed: tuple[str, ...] = ()
     beside: str = ""
 
@@ -142,6 +161,16 @@ class Remedies(Record):
     def best(self) -> Remedy | None:
         """The first remedy; none where none helps."""
         return self.listed[0] if self.listed else None
+
+    @property
+    def advisable(self) -> Remedies:
+        """These without remedies where linear analysis does not hold and no samples confirm them."""
+        kept = [remedy for remedy in self.listed if remedy.linearity != Linearity.FAILS or remedy.confirmed]
+        left_out = [remedy.words for remedy in self.listed if remedy not in kept]
+        reason = self.reason if kept or not left_out else NOWHERE_LINEAR
+        return self.completed(
+            {"listed": tuple(kept), "withheld": (*self.withheld, *left_out), "reason": reason or None}
+        )
 
 
 def something_fails(summary: Summary) -> bool:
@@ -174,3 +203,8 @@ def ranked(remedies: Sequence[Remedy], failing: Failing) -> tuple[Remedy, ...]:
         return refuted, used, then.verdict != Honesty.CONSISTENT, then.departure, sigma
 
     return tuple(sorted(remedies, key=key))
+
+
+def doubted_last(remedies: Sequence[Remedy]) -> tuple[Remedy, ...]:
+    """Put remedies of which linear analysis does not hold behind the others."""
+    return tuple(sorted(remedies, key=lambda remedy: remedy.linearity == Linearity.FAILS and not remedy.confirmed))

@@ -23,7 +23,8 @@ from scipy import special
 
 from mcnav.analysis.budget import largest_sigmas
 from mcnav.analysis.causes import Cause
-from mcnav.analysis.comparison import Comparison, Model
+from mcnav.analysis.comparison import Comparison
+from mcnav.analysis.model import Model
 from mcnav.analysis.samples_needed import Counting, samples_needed
 from mcnav.analysis.verdict import LARGEST_FAILED_SHARE, Verdict, judge
 from mcnav.arrays.types import Array, IndexArray

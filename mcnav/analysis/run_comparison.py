@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.decision_rule import spread_of
 from mcnav.analysis.mean_errors import Quantity, departures
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.estimates import Estimate, blocked_mean, paired_squares

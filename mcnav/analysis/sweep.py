@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav.analysis.accuracy_measures import Measure
+from mcnav.analysis.examination import Examination, Linearity, combine
 from mcnav.analysis.mean_errors import UNDISTURBED, in_sigmas
 from mcnav.analysis.summary import Summary
 from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
+from mcnav.physics.ranges import written
 
 Point = tuple[float, ...]
 """Values of the variables, in their units."""
@@ -54,9 +58,7 @@ class Variable:
         """Return a value as a campaign file has it; a whole number without a unit is an integer."""
         if self.words:
             return self.words[int(value)]
-        if self.unit:
-            return f"{float(value)!r} {self.unit}"
-        return int(value) if float(value).is_integer() and abs(value) < 1e15 else float(value)
+        return written(value, self.unit)
 
     def along(self, value: float) -> float:
         """Return the place of a value on the axis: its logarithm on a logarithmic one."""
@@ -153,6 +155,10 @@ class Sweep:
         `mcnav.analysis.accuracy_measures.Measure.beyond`.
     means : ndarray, shape (n, [m,] measures), or None
         Mean errors in the values of sigmas, which are root mean squares; SI.
+    examined : tuple of (Point, Examination)
+        Points at which flights have examined linear analysis, in order.
+    unexamined : str
+        Why others that matter were not examined, a clause; empty where all were.
     gates : str
         What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
         limit is judged.
@@ -174,6 +180,47 @@ class Sweep:
     exceedances: Array | None = None
     means: Array | None = None
     gates: str = ""
+    examined: tuple[tuple[Point, Examination], ...] = ()
+    unexamined: str = ""
+
+    @property
+    def curves(self) -> bool:
+        """Return whether measures are curves over the last variable, and not contours over two."""
+        return len(self.variables) == 1 or bool(self.variables[0].words)
+
+    def verdict(self, examined: Examination, measure: int) -> Linearity | None:
+        """Return the verdict on a measure; of one at another time than the end none, unless the end does not hold."""
+        chosen = self.measures[measure]
+        verdict = examined.verdict_on(chosen.members or chosen.outputs)
+        at_end = self.times[measure] is None and not chosen.readings
+        return verdict if at_end or verdict == Linearity.FAILS else None
+
+    def verdict_at(self, point: Point, measure: int | None = None) -> Linearity | None:
+        """Return the verdict on a measure, or on all, at a point; none where it was not examined."""
+        examined = dict(self.examined).get(point)
+        if examined is None:
+            return None
+        measures = range(len(self.measures)) if measure is None else [measure]
+        verdicts = [verdict for index in measures if (verdict := self.verdict(examined, index)) is not None]
+        return combine(verdicts) if verdicts else None
+
+    @property
+    def doubted(self) -> bool:
+        """Return whether linear analysis is not shown to hold at a point that was examined."""
+        return any(self.verdict_at(point) not in (None, Linearity.HOLDS) for point, _ in self.examined)
+
+    def shown_to_hold(self, row: Sequence[Point], measure: int) -> NDArray[np.bool_]:
+        """Tell where a curve is as good as it was examined, shape (points,): not beside a point that does not hold.
+
+        Between two points that hold, and where nothing was examined beside, it is.
+        """
+        verdicts = [self.verdict_at(point, measure) for point in row]
+        known = [place for place, verdict in enumerate(verdicts) if verdict is not None]
+        held = np.ones(len(row), dtype=bool)
+        for place in range(len(row)):
+            beside = [*[k for k in known if k <= place][-1:], *[k for k in known if k >= place][:1]]
+            held[place] = all(verdicts[k] == Linearity.HOLDS for k in beside)
+        return held
 
     @property
     def mean_shares(self) -> Array:

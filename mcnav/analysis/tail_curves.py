@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import (
     Requirement,
     counted,

@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Criterion, Model
+from mcnav.analysis.comparison import Criterion
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import error_sizes, independent_samples, linear_quantile
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.arrays.types import Array, IndexArray

@@ -22,7 +22,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Comparison, Model
+from mcnav.analysis.comparison import Comparison
+from mcnav.analysis.model import Model
 from mcnav.arrays.products import transformed_variances
 from mcnav.arrays.types import Array
 

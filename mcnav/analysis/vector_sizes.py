@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from mcnav.analysis.comparison import Criterion, Model
+from mcnav.analysis.comparison import Criterion
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import independent_samples
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.statistics.normal_size import NormalSize

@@ -11,6 +11,7 @@ from mcnav.cli import next_command
 from mcnav.cli import shell_completion as completion
 from mcnav.cli.options import (
     CampaignFile,
+    Examine,
     FormatOption,
     Jobs,
     columns_of,
@@ -46,13 +47,7 @@ def lincov(
     remedies: Annotated[
         bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
     ] = False,
-    examine: Annotated[
-        bool | None,
-        typer.Option(
-            "--examine/--no-examine",
-            help="Simulate some flights to see where linear analysis holds [default: where that is quick].",
-        ),
-    ] = None,
+    examine: Examine = None,
     form: FormatOption = "table",
 ) -> None:
     """Compute the linear covariance, and examine where it holds.
@@ -223,6 +218,7 @@ def allocate(
     confirm: Annotated[
         int, typer.Option(metavar="N", min=0, help="Simulate the N smallest changes; 0: linear analysis alone.")
     ] = 3,
+    examine: Examine = None,
     jobs: Jobs = 2,
     folder: Annotated[Path | None, out_folder("reports/NAME_allocate")] = None,
     form: FormatOption = "table",
@@ -242,7 +238,7 @@ def allocate(
 
     with progress.shown(err) as shown:
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_allocate")
-        result, files = write_allocation(campaign, target, shown, confirm, jobs)
+        result, files = write_allocation(campaign, target, shown, confirm, jobs, examine)
     if form != "table":
         print_rows(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return
@@ -250,6 +246,47 @@ def allocate(
     out.print()
     print_written(files)
     print_next(next_command.after_allocation(campaign, result))
+
+
+@command()
+def tune(
+    campaign: CampaignFile,
+    cost: Annotated[
+        Literal["requirement", "sigma"] | None,
+        typer.Option(help="What is to cost little [default: the worst requirement, else the mean filter sigma]."),
+    ] = None,
+    confirm: Annotated[
+        bool, typer.Option("--confirm/--no-confirm", help="Simulate the setting closest to optimistic.")
+    ] = True,
+    samples: Annotated[int | None, typer.Option("--samples", "-n", min=2, help="Of it [default: the file's].")] = None,
+    jobs: Jobs = 2,
+    folder: Annotated[Path | None, out_folder("reports/NAME_tune")] = None,
+) -> None:
+    """Find what a filter is to believe of specs that are ranges.
+
+    With these beliefs its sigmas bound the true errors at every setting of the ranges, at all times. It prints the
+    table [filter.believes] to paste, by how much each sigma is inflated, and what that costs.
+
+    Example: mcnav tune campaigns/40_range_with_a_drift.toml --no-confirm
+    """
+    from mcnav.config.read import read_campaign
+    from mcnav.report.document.terminal_parts import printed
+    from mcnav.report.pages import tune as tables
+    from mcnav.report.terminal import progress
+    from mcnav.studies.tune import tune as find_beliefs
+    from mcnav.studies.tune import write_tuning
+
+    with progress.shown(err) as shown:
+        target = output_folder(folder, Path("reports") / f"{campaign.stem}_tune")
+        result = find_beliefs(read_campaign(campaign), cost, confirm, samples, jobs, shown)
+        files = write_tuning(result, target)
+    out.print(printed(tables.terminal(result)))
+    if result.believes:
+        out.print()
+        out.print(tables.pasted(result), markup=False, highlight=False)
+    out.print()
+    print_written(files)
+    print_next(next_command.written("lincov", campaign))
 
 
 @command("filters", resumes=True)

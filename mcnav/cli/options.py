@@ -26,6 +26,13 @@ FormatOption = Annotated[
 ]
 UnitsOption = Annotated[Literal["shown", "SI"], typer.Option(help="Units: those shown in reports, or SI.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel jobs.")]
+Examine = Annotated[
+    bool | None,
+    typer.Option(
+        "--examine/--no-examine",
+        help="Simulate some flights to see where linear analysis holds [default: where that is quick].",
+    ),
+]
 ChosenAxes = Annotated[Axes | None, typer.Option(help="Where the reference axes are aligned [default: start].")]
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the files: letters, digits and _.")]
 Into = Annotated[Path, typer.Option("--out", "-o", "--in", metavar="FOLDER", help="Output folder.")]

@@ -55,6 +55,10 @@ def run(
         int | None, typer.Option("--samples", "-n", min=2, help="Number of samples [default: the file's].")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed [default: the file's].")] = None,
+    at: Annotated[
+        Literal["worst", "nominal"] | None,
+        typer.Option(help="Of ranges: the worst setting, or all upper ends [default: worst]."),
+    ] = None,
     store: Annotated[
         Literal["samples", "summary"] | None,
         typer.Option(help="Store every sample, or only a summary [default: the file's]."),
@@ -89,11 +93,14 @@ def run(
     from mcnav.config.read import read_campaign
     from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
+    from mcnav.studies.boxed_run import campaign_to_run
     from mcnav.studies.run_remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
-    content = read_campaign(campaign, {key: value for key, value in options.items() if value is not None})
+    given = {key: value for key, value in options.items() if value is not None}
+    content = campaign_to_run(read_campaign(campaign, given), at, given)
+    print_notes(content.remarks)
     if check and not content.requirements:
         raise failure(f"{campaign}: accept: is missing; --check needs requirements")
     if known_ways and not check:

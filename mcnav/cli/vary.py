@@ -9,7 +9,7 @@ import typer
 
 from mcnav.cli import next_command
 from mcnav.cli import shell_completion as completion
-from mcnav.cli.options import CampaignFile, ChosenAxes, FormatOption, Jobs, out_folder
+from mcnav.cli.options import CampaignFile, ChosenAxes, Examine, FormatOption, Jobs, out_folder
 from mcnav.cli.output_place import output_folder
 from mcnav.cli.printing import Format, err, out, print_next, print_rows, print_written
 from mcnav.cli.program import command, failure, set_resumes
@@ -76,6 +76,7 @@ def sweep(
         float | None,
         typer.Option(min=0.2, max=1_000.0, help="Of --scale: largest multiple of all errors [default: 50]."),
     ] = None,
+    examine: Examine = None,
     jobs: Jobs = 2,
     folder: Annotated[
         Path | None,
@@ -104,7 +105,8 @@ def sweep(
             raise failure(f"--{option}: belongs to {BELONGING[option]}; leave it out")
     if way:
         set_resumes(False)  # only points of keys are stored
-        for option, given in {"against": against, "at": at, "format": form if form != "table" else None}.items():
+        others = {"against": against, "at": at, "examine": examine, "format": form if form != "table" else None}
+        for option, given in others.items():
             if given:
                 raise failure(f"--{option}: does not go with {way}; leave it out")
     if scale:
@@ -112,12 +114,12 @@ def sweep(
     elif starts:
         _show_start_times(campaign, folder, axes, points, checks=confirm != 0)
     else:
-        _show_sweep(campaign, vary or [], against or [], points or 20, confirm, at, jobs, folder, form)
+        _show_sweep(campaign, vary or [], against or [], points or 20, confirm, at, examine, jobs, folder, form)
 
 
 def _show_sweep(
-    campaign: Path, vary: list[str], against: list[str], points: int, confirm: int | None, at: str | None, jobs: int,
-    folder: Path | None, form: Format,
+    campaign: Path, vary: list[str], against: list[str], points: int, confirm: int | None, at: str | None,
+    examine: bool | None, jobs: int, folder: Path | None, form: Format,
 ) -> None:  # fmt: skip
     """Vary keys of a campaign, write and print what follows."""
     from mcnav.config.sweep_values import split_varied
@@ -129,7 +131,7 @@ def _show_sweep(
     from mcnav.studies.sweep import SweepPlan, write_sweep
 
     times = () if at is None else tuple(read_times(at).tolist())
-    plan = SweepPlan(split_varied(vary), against, points, times, jobs)
+    plan = SweepPlan(split_varied(vary), against, points, times, jobs, examine)
     with progress.shown(err) as shown:
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_sweep")
         result, files = write_sweep(campaign, plan, target, confirm, shown)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import tomli_w
 
+from mcnav.config.ranges import SpecRange
 from mcnav.config.schema import CampaignFile, CampaignTable, UntilTable
 from mcnav.config.start_times import StartTimesPlan
 from mcnav.config.stopping import StoppingRule
@@ -54,6 +55,10 @@ class Campaign:
         Path of the campaign file as given, for messages.
     files : tuple of InputFile
         Files that its keys name and this program reads.
+    ranges : tuple of SpecRange
+        Ranges of its file, each of which is at its upper end here.
+    remarks : tuple of str
+        Clauses on where in a box it lies, for its results.
     """
 
     name: str
@@ -74,6 +79,8 @@ class Campaign:
     store: str = "samples"
     file: str = ""
     files: tuple[InputFile, ...] = ()
+    ranges: tuple[SpecRange, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def to_toml(self) -> str:
         """Write the resolved campaign as a campaign file."""

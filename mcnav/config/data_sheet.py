@@ -206,6 +206,13 @@ def _error(kind: SensorType, key: str) -> str:
     return kind.key(key, "noise") if key in kind.quantities else key.removesuffix("_error")
 
 
+def owner_of(cause: str, numbers: Sequence[DataSheetNumber]) -> DataSheetNumber | None:
+    """Return the number that sizes a cause: of two, the one of ``[errors]``, which names some axes of another table."""
+    covering = [number for number in numbers if number.covers(cause)]
+    stated = [number for number in covering if number.path.startswith("errors.")]
+    return next(iter(stated or covering), None)
+
+
 def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:
     """List the sizes that a filter believes in place of the true ones: they are settings, and change no error."""
     believes = content.get("filter", {}).get("believes", {})

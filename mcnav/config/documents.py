@@ -10,6 +10,7 @@ from typing import Any, Final, Protocol, runtime_checkable
 import numpy as np
 
 from mcnav.config.campaign import Campaign
+from mcnav.config.ranges import SpecRange, split_ranges, still_there, with_values
 from mcnav.config.toml import Content, load_file, load_mapping
 from mcnav.contract.quantities import Output, Source
 from mcnav.entries.inputs import SourceFile
@@ -25,12 +26,32 @@ SI: Final = "SI"
 
 @dataclass(frozen=True)
 class Document:
-    """Content of a campaign file, its path for messages and relative paths, its stem, and code given with it."""
+    """A campaign file: its path for messages and relative paths, its stem, and code given with it.
+
+    Attributes
+    ----------
+    content : dict
+        Of the nominal campaign: each range is at its upper end.
+    ranges : tuple of SpecRange
+        Those of the file whose upper ends stand there.
+    """
 
     content: Content
     file: str = UNNAMED
     stem: str = UNNAMED
     code: Mapping[str, SourceFile] = field(default_factory=dict)
+    ranges: tuple[SpecRange, ...] = ()
+
+    def __post_init__(self) -> None:
+        nominal, ranges = split_ranges(self.content, self.file)
+        if ranges or self.ranges:
+            object.__setattr__(self, "content", nominal)
+            object.__setattr__(self, "ranges", (*still_there(nominal, self.ranges), *ranges))
+
+    @property
+    def described(self) -> Content:
+        """The content with its ranges as they are written."""
+        return with_values(self.content, {spec.place: spec.text for spec in self.ranges})
 
 
 @runtime_checkable
@@ -56,7 +77,8 @@ def document_of(campaign: Description) -> Document:
     if isinstance(campaign, Campaign):
         if campaign.file in ("", UNNAMED):
             code = {} if campaign.code is None else {campaign.code.file: campaign.code}
-            return Document(load_mapping(campaign.resolved, UNNAMED), UNNAMED, campaign.name, code)
+            content = load_mapping(campaign.resolved, UNNAMED)
+            return Document(content, UNNAMED, campaign.name, code, campaign.ranges)
         campaign = campaign.file
     if isinstance(campaign, Described):
         return campaign.document

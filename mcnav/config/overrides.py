@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from mcnav.config.campaign import Campaign
@@ -118,9 +119,10 @@ class VariedCampaign:
 
 
 def parse_document(document: Document, values: Mapping[str, Value]) -> Campaign:
-    """Read a document with some keys set to other values, by path; see `vary`."""
+    """Read a document with some keys set to other values, by path; see `vary`. Ranges stand for their upper ends."""
     content = override(document.content, values, document.file)
-    return parse_campaign(content, document.file, document.stem, code=document.code)
+    campaign = parse_campaign(content, document.file, document.stem, code=document.code)
+    return campaign if values else replace(campaign, ranges=document.ranges)
 
 
 def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.documents import SI, Description, document_of
+from mcnav.config.ranges import split_ranges
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import check_requirements, read_requirements
 from mcnav.config.resolved import campaign_of
@@ -97,7 +98,8 @@ def campaign_from(described: Description, overrides: Mapping[str, Any] | None = 
     if isinstance(described, (str, Path)):
         return read_campaign(described, overrides)
     document = document_of(described)
-    return parse_campaign(document.content, document.file, document.stem, overrides, code=document.code)
+    campaign = parse_campaign(document.content, document.file, document.stem, overrides, code=document.code)
+    return replace(campaign, ranges=document.ranges)
 
 
 def parse_campaign(
@@ -109,11 +111,14 @@ def parse_campaign(
     confined: bool = False,
     code: Mapping[str, SourceFile] | None = None,
 ) -> Campaign:
-    """Check the content of a campaign file, with code that is given besides; see `read_campaign`."""
-    content = {**content, **(overrides or {})}
+    """Check the content of a campaign file, with code that is given besides; see `read_campaign`.
+
+    Ranges stand for their upper ends.
+    """
+    content, ranges = split_ranges({**content, **(overrides or {})}, file)
     context = FileContext(file, Path(file).parent, earlier or {}, content, confined, code or {})
     with numbers_in_si(content.get("units") == SI) as numbers:
-        return _parse(context, stem, numbers)
+        return replace(_parse(context, stem, numbers), ranges=ranges)
 
 
 def _parse(context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:

@@ -12,6 +12,7 @@ import numpy as np
 from mcnav.analysis.sweep import Variable
 from mcnav.arrays.types import Array
 from mcnav.errors import CampaignError, Problem
+from mcnav.physics.ranges import DECADE, NUMBER, is_range, read_range
 from mcnav.physics.units import UnitError, conversion, si_unit
 from mcnav.sampler.sizes import in_si
 
@@ -24,10 +25,6 @@ MOST_POINTS: Final = 10_000
 MOST_WORDS: Final = 12
 """Values that are no numbers."""
 
-DECADE: Final = 10.0
-"""Ratio of the ends from which the values of a range are evenly spaced by their logarithm."""
-
-NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ITEM: Final = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
 
 EXPECTED: Final = 'expected a range such as "0.001..1 deg/h", or a list such as "1, 2, 5 deg/h"'
@@ -111,18 +108,15 @@ def split_varied(written: Sequence[str]) -> dict[str, str]:
 
 def _read_variable(path: str, text: str, points: int) -> Variable:
     if ".." in text:
-        ends = text.split("..")
-        if len(ends) != 2:
+        if not is_range(text):
             raise UnitError(f"got {text!r}; {EXPECTED}")
-        given, unit = _read_items(ends, text)
-        low, high = float(given[0]), float(given[1])
-        if not low < high:
+        span = read_range(text)
+        if span.low == span.high:
             raise UnitError(f"got {text!r}, which is empty; expected a range from a smaller value to a larger one")
-        log = low > 0.0 and high / low >= DECADE * (1.0 - 1e-12)
-        values = np.geomspace(low, high, points) if log else np.linspace(low, high, points)
-        rounded = np.array([float(f"{value:.12g}") for value in values])
-        rounded[[0, -1]] = low, high
-        return Variable(path, rounded, unit, log)
+        spaced = np.geomspace if span.log else np.linspace
+        values = np.array([float(f"{value:.12g}") for value in spaced(span.low, span.high, points)])
+        values[[0, -1]] = span.low, span.high
+        return Variable(path, values, span.unit, span.log)
     if not any(_ITEM.fullmatch(piece) for piece in text.split(",")):
         return _read_words(path, text)
     given, unit = _read_items(text.split(","), text)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from mcnav.contract.quantities import Source
 from mcnav.entries.context import FileContext
 from mcnav.entries.files import OUTSIDE
-from mcnav.errors import suggestion
+from mcnav.errors import reason_of, suggestion
+from mcnav.files.parquet_reading import table_from
 from mcnav.files.whole import TextError, read_whole, text_of
 from mcnav.physics.units import UnitError, quantity
 from mcnav.sampler.scipy_and_tables import EmpiricalDistribution
-from mcnav.store.chunk_files import table_from
 from mcnav.store.run_files import TABLES
 
 TABLE: Final = "table"
@@ -89,7 +89,7 @@ def _column(path: Path, name: str) -> NDArray[np.float64]:
     except TextError as wrong:
         raise ValuesError("file", f"{path}: {wrong}") from None
     except ValueError as failure:
-        raise ValuesError("file", f"{path}: is not a table: {str(failure).splitlines()[0]}") from None
+        raise ValuesError("file", f"{path}: is not a table: {reason_of(failure)}") from None
     if name not in frame.columns:
         names = [str(column) for column in frame.columns]
         raise ValuesError("column", f"{path} has no column {name!r}{suggestion(name, names[:20])}")

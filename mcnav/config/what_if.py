@@ -6,6 +6,7 @@ tune it anew. The campaign written here states under ``[filter.believes]`` what 
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -25,6 +26,7 @@ from mcnav.config.data_sheet import (
     grades,
     is_by_axis,
     largest_size,
+    owner_of,
 )
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.config.toml import Content
@@ -58,12 +60,11 @@ def changeable_campaign(
     """
     sized = (np.diag(covariance) > 0.0) | (mean != 0.0)
     known = [number for number in data_sheet_numbers(content, tuple(sources)) if _proportional(number.entry)]
-    owners = [_owner(source.name, known) if moves else None for source, moves in zip(sources, sized, strict=True)]
-    of_processes = {name: _owner(name, known) for name in processes}
+    owners = [owner_of(source.name, known) if moves else None for source, moves in zip(sources, sized, strict=True)]
+    of_processes = {name: owner_of(name, known) for name in processes}
     used = [number for number in known if any(number is owner for owner in (*owners, *of_processes.values()))]
     places = {id(number): place for place, number in enumerate(used)}
-    sizes = np.sqrt(np.diag(covariance) + (mean**2 if is_code(_type_of(content)) else 0.0))  # a loop's are about zero
-    sigmas = {source.name: (float(size), source.unit) for source, size in zip(sources, sizes, strict=True)}
+    sigmas = _believed_sigmas(content, sources, mean, covariance)
     groups = {source.name: source.group for source in sources}
     tuned = is_tuned(content, sources, believed)
     return ChangeableCampaign(
@@ -109,13 +110,6 @@ def estimable_kinds(content: Mapping[str, Any], sources: Sequence[Source]) -> tu
 
     kinds = dict.fromkeys(kind_of(source.name) for source in sources)
     return tuple(kind for kind in kinds if kind not in modelled and estimable(kind))
-
-
-def _owner(cause: str, numbers: Sequence[DataSheetNumber]) -> DataSheetNumber | None:
-    """Return the number that sizes a cause: of two, the one of ``[errors]``, which names some axes of another table."""
-    covering = [number for number in numbers if number.covers(cause)]
-    stated = [number for number in covering if number.path.startswith("errors.")]
-    return next(iter(stated or covering), None)
 
 
 def _proportional(entry: Value) -> bool:
@@ -203,6 +197,35 @@ def _name_of(sensor: Mapping[str, Any]) -> str:
     return str(sensor.get("name", str(sensor["type"]).replace("-", "_")))
 
 
+def _believed_sigmas(
+    content: Mapping[str, Any], sources: Sequence[Source], mean: Array, covariance: Array
+) -> dict[str, tuple[float, str]]:
+    """Return the sigmas that a filter takes sources for, with their units, by name; a loop's are about zero."""
+    sizes = np.sqrt(np.diag(covariance) + (mean**2 if is_code(_type_of(content)) else 0.0))
+    return {source.name: (float(size), source.unit) for source, size in zip(sources, sizes, strict=True)}
+
+
+def held_beliefs(
+    content: Mapping[str, Any], numbers: Sequence[DataSheetNumber], sources: Sequence[Source], mean: Array,
+    covariance: Array,
+) -> Content:  # fmt: skip
+    """Return the content with what the filter takes some numbers for stated below ``[filter.believes]``.
+
+    Parameters
+    ----------
+    mean, covariance : ndarray, shapes (sources,) and (sources, sources)
+        Of the sources.
+    """
+    sigmas = _believed_sigmas(content, sources, mean, covariance)
+    result = _copied(content)
+    for belief in _beliefs(content, numbers, sigmas, {source.name: source.group for source in sources}):
+        table = result
+        for name in belief.table:
+            table = table.setdefault(name, {})
+        table[belief.key] = tomllib.loads(f"entry = {belief.value}")["entry"]
+    return dict(result)
+
+
 def _beliefs(
     content: Mapping[str, Any], numbers: Sequence[DataSheetNumber], sigmas: Mapping[str, tuple[float, str]],
     groups: Mapping[str, str],
@@ -232,7 +255,7 @@ def _beliefs(
                 lines[table, key] = Belief(("filter", "believes", *table), key, _inline(entry), None)
             elif entry is not None:
                 state(table, key, entry, n)
-        elif root in OF_LOOPS and rest[0] not in believes.get(root, {}):
+        elif root in (*OF_LOOPS, "gravity") and rest[0] not in believes.get(root, {}):
             state((root,), rest[0], number.entry, n)
         elif root == "errors":
             for name in sorted(number.causes):

@@ -83,6 +83,10 @@ class PlainScenario(Protocol):
         """Return the same with further epochs, s; itself where the system's own are all that can be known."""
         return self
 
+    def with_processes_together(self) -> Self:
+        """Return the same whose linear covariances over time have all processes together, where that takes less."""
+        return self
+
     @property
     def outages(self) -> tuple[tuple[float, float], ...]:
         """Intervals in which a sensor is silent: begin, included, and end, s."""

@@ -70,12 +70,6 @@ class FileContext:
             self.problem(key, str(wrong))
             return None
 
-    def check_keys(self, table: Iterable[str], known: list[str], key: str, what: str) -> None:
-        """Add a mistake for each key of a table, other than ``distribution``, that is not known."""
-        for name in table:
-            if name not in known and name != "distribution":
-                self.problem(f"{key}.{name}", f"unknown key of {what}{suggestion(name, known)}")
-
     def check_names(self, names: Iterable[str], known: list[str], key: str, what: str) -> bool:
         """Add a mistake for each name in a list that is not known; return whether all are."""
         unknown = [name for name in names if name not in known]

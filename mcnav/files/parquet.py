@@ -82,3 +82,8 @@ def numbers_in(column: pa.ChunkedArray) -> NDArray[Any]:
     if column.num_chunks == 1:
         return np.from_dlpack(column.chunk(0))
     return np.concatenate([np.empty(0, column.type.to_pandas_dtype()), *map(np.from_dlpack, column.chunks)])
+
+
+def columns_in(table: pa.Table) -> dict[str, NDArray[Any]]:
+    """Return the columns of a table of numbers by name."""
+    return {name: numbers_in(table.column(name)) for name in table.column_names}

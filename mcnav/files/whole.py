@@ -156,6 +156,19 @@ def text_of(content: bytes) -> str:
         raise TextError(f"is not UTF-8 text: line {line} has the byte 0x{byte.hex()}{hint}; save it as UTF-8") from None
 
 
+def is_number(text: str) -> bool:
+    """Return whether a text of a file is a number; Python's underscores between digits are none.
+
+    >>> is_number("-1.5e3"), is_number("1_000"), is_number("")
+    (True, False, False)
+    """
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text
+
+
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
     """Write texts by file name into a folder, which is created if necessary; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.config.documents import Description
 from mcnav.frames.answers import requirements_frame, unit_of
-from mcnav.report.pages.allocate import goal_title, grade_rows, standing
+from mcnav.report.pages.allocate import examined_words, goal_title, grade_rows, standing
 from mcnav.runner.executors import JOBS
 from mcnav.studies.allocate import CONFIRMED
 from mcnav.studies.allocate import allocate as allocate_numbers
@@ -76,7 +76,8 @@ class AllocationResult:
         ``now`` and ``needed``, as a campaign file has them; ``factor``, needed over present size, NaN where the number
         alone does not do and infinite where any size does; ``reached``; the requirement with the least margin then:
         ``requirement``, ``unit``, ``linear`` (its linear value), ``margin``; ``upper_bound`` by samples, in the same
-        unit, where the change was simulated.
+        unit, where the change was simulated; ``linearity``, whether linear analysis holds then, where flights have
+        examined it.
         """
         rows = [self._row(goal, change) for goal in self.goals for change in goal.changes]
         return pd.DataFrame(rows).set_index(["goal", "number"])
@@ -90,12 +91,13 @@ class AllocationResult:
             "requirement": judged["requirement"], "unit": judged["unit"], "linear": judged["linear"],
             "margin": judged["margin"],
             "upper_bound": np.nan if bound is None else bound * unit_of(self.answer, change.result)[0],
+            "linearity": change.linearity,
         }  # fmt: skip
 
     @cached_property
     def grade_changes(self) -> pd.DataFrame:
         """A row a change by one grade of the catalogue: ``moves``, ``finding``, ``value``, ``limit``: text."""
-        columns = ["moves", "finding", "value", "limit", "requirement", "simulated"]
+        columns = ["moves", "finding", "value", "limit", "requirement", "simulated", "linearity"]
         return pd.DataFrame([vars(row) for row in grade_rows(self.allocation)], columns=columns)
 
     @cached_property
@@ -130,6 +132,7 @@ class AllocationResult:
     def __repr__(self) -> str:
         """Write the verdict, and the changes as a table."""
         lines = [f"{self.answer.campaign}: {standing(self.allocation)[0]}"]
+        lines += examined_words(self.allocation)
         for goal, rows in self.changes.groupby(level="goal", sort=False):
             shown = rows.droplevel("goal")[["now", "needed", "factor", "unit", "linear", "margin"]]
             lines += ["", str(goal), shown.to_string()]
@@ -142,7 +145,7 @@ class AllocationResult:
 
 def allocate(
     campaign: Description, *, confirm: int = CONFIRMED, jobs: int = JOBS, samples: int | None = None,
-    basis: Basis | None = None,
+    basis: Basis | None = None, examine: bool | None = None,
 ) -> AllocationResult:  # fmt: skip
     """Find the numbers of a campaign's data sheet with which its requirements are just met.
 
@@ -165,6 +168,9 @@ def allocate(
     basis : Basis, optional
         Simulation of the campaign as it is that linear answers are scaled by; by default one is made where changes
         are to be confirmed.
+    examine : bool, optional
+        Whether flights examine changes that no samples confirm; by default, of linear analysis alone, where that is
+        quick.
 
     Returns
     -------
@@ -189,4 +195,6 @@ def allocate(
     >>> changes["reached"].to_dict()
     {'all numbers': True, 'errors.altitude': True, 'errors.gyro_drift': False}
     """
-    return AllocationResult(allocate_numbers(campaign, confirm=confirm, jobs=jobs, samples=samples, basis=basis))
+    return AllocationResult(allocate_numbers(
+        campaign, confirm=confirm, jobs=jobs, samples=samples, basis=basis, examine=examine
+    ))  # fmt: skip

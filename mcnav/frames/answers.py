@@ -41,10 +41,13 @@ class LinearResult:
 
     @cached_property
     def outputs(self) -> pd.DataFrame:
-        """A row an output at the end: ``unit``, ``mean_linear``, ``sigma_linear``, with a filter ``sigma_filter``."""
+        """A row an output at the end: ``unit``, ``mean_linear``, ``sigma_linear``, with a filter ``sigma_filter``.
+
+        ``mean_second`` and ``sigma_second`` are those of second order, where they are known well enough.
+        """
         rows = [
             {"output": row.output, "unit": row.unit, "mean_linear": row.mean, "sigma_linear": row.sigma,
-             "sigma_filter": row.sigma_filter}
+             "mean_second": row.mean_second, "sigma_second": row.sigma_second, "sigma_filter": row.sigma_filter}
             for row in final_rows(self.answer)
         ]  # fmt: skip
         return pd.DataFrame(rows).set_index("output").dropna(axis="columns", how="all")
@@ -89,7 +92,7 @@ class LinearResult:
 
     @cached_property
     def requirements(self) -> pd.DataFrame:
-        """A row a requirement: ``requirement``, ``finding``, ``unit``, ``linear`` (its value), ``margin``.
+        """A row a requirement: ``requirement``, ``finding``, ``unit``, its value ``linear`` and ``order``, ``margin``.
 
         The margin is the multiple of all errors at which it is just met. ``exceedance`` is the probability beyond the
         limits of one that allows little.
@@ -146,6 +149,7 @@ def requirements_frame(answer: LinearAnswer, rows: Sequence[LinearRequirement]) 
         "requirement": [row.requirement for row in words],
         "finding": [row.finding for row in words],
         "unit": [unit for _, unit in units],
+        "order": [row.order or None for row in words],
         "linear": [row.value * scale for row, (scale, _) in zip(rows, units, strict=True)],
         "margin": [row.margin for row in rows],
         "exceedance": [row.beyond for row in rows],

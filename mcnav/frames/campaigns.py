@@ -121,7 +121,7 @@ class Campaign:
     def save(self, file: str | Path) -> None:
         """Write it as a campaign file, as it was described, and code that it holds beside the file."""
         path = Path(file)
-        path.write_text(tomli_w.dumps(self.document.content), encoding="utf-8")
+        path.write_text(tomli_w.dumps(self.document.described), encoding="utf-8")
         for source in self.document.code.values():
             (path.parent / source.file).write_text(source.text, encoding="utf-8")
 

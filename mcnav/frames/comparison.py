@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 
 from mcnav.analysis.comparison import Comparison as PairedComparison
-from mcnav.analysis.comparison import Criterion, Model
+from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.comparison import compare as compare_paired
 from mcnav.analysis.covariance_comparison import CovarianceComparison, compare_covariance
+from mcnav.analysis.model import Model
 from mcnav.analysis.verdict import Judgement, Verdict
 from mcnav.arrays.types import Array
 from mcnav.execution.threads import one_thread

@@ -39,11 +39,12 @@ from mcnav.report.exports.arrays import arrays
 from mcnav.report.exports.dataset import dataset
 from mcnav.report.pages.run.card import run_card
 from mcnav.report.pages.run.page import figures
-from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
+from mcnav.report.pages.run.sections.what_if import what_if_section, where_nonlinear
 from mcnav.report.pages.sweep import frame
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
 from mcnav.store.run_folder import RunFolder
+from mcnav.studies.boxed_run import campaign_to_run
 from mcnav.studies.linear_answers import read_times
 from mcnav.studies.run_remedies import advise_run
 from mcnav.studies.sweep import JOBS, SweepPlan, run_sweep
@@ -245,7 +246,7 @@ class RunResult:
         """The report's section "What if", with its sliders; none where nothing can be changed."""
         with one_thread():
             content = self.content
-            outputs, fails = content.manifest.model.outputs, linear_fails(content.summary)
+            outputs, fails = content.manifest.model.outputs, where_nonlinear(content.summary)
             section = what_if_section(what_if_of_run(content), outputs, content.looped, fails)
             name = content.summary.campaign
             return None if section is None else FramedPage(name, page_html(Page(name, "What if", name, (), [section])))
@@ -359,7 +360,7 @@ def run(
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
         raise ValueError(f"jobs must be a whole number of at least 1; got {jobs!r}")
     with _named_as_here():
-        described = campaign_from(campaign, instead)
+        described = campaign_to_run(campaign_from(campaign, instead), None, instead)
         workflow.run_campaign(described, Path(folder), engine, jobs, fresh, force=force, advise=advise_run)
     return RunResult(Path(folder))
 
@@ -385,7 +386,9 @@ def run_campaign(
     >>> mc.run_campaign("reports/first/campaign.toml", "reports/first", None, 1).simulated  # all are stored
     0
     """
-    return workflow.run_campaign(campaign_from(campaign), Path(path), engine, jobs, **options)
+    return workflow.run_campaign(
+        campaign_to_run(campaign_from(campaign), None, {}), Path(path), engine, jobs, **options
+    )
 
 
 def check_scenario(campaign: Description) -> list[Check]:
@@ -423,6 +426,7 @@ def sweep(
     points: int = POINTS,
     at: str | Sequence[float] = (),
     jobs: int = JOBS,
+    examine: bool | None = None,
 ) -> pd.DataFrame:
     """Vary one or two keys of a campaign: accuracy by linear analysis at every point of a grid.
 
@@ -442,6 +446,9 @@ def sweep(
         Times in the trajectory's time, such as ``"600 s, 25 min"``, or in seconds; by default the end.
     jobs : int
         Threads.
+    examine : bool, optional
+        Whether flights examine linear analysis where limits are just met and at the ends; by default where that is
+        quick. Where it is not shown to hold there is a column ``linear analysis`` with the verdicts.
 
     Returns
     -------
@@ -471,5 +478,5 @@ def sweep(
         expected = "a mapping of keys to values such as {'errors.altitude': '1..10 km'}"
         raise TypeError(f"varied must be {expected}; got {type(varied).__name__}")
     with _named_as_here():
-        swept = run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs))
+        swept = run_sweep(campaign, SweepPlan(varied, measures, points, times, jobs, examine))
     return frame(swept).set_index([variable.label for variable in swept.variables])

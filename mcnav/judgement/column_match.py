@@ -9,6 +9,7 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedMeasurements
+from mcnav.judgement.chance import is_clear, slope_through_zero
 from mcnav.judgement.local_track import local_metres
 
 BASELINE: Final = 5.0
@@ -19,9 +20,6 @@ FEWEST: Final = 8
 
 TIMES_WORSE: Final = 4.0
 """Ratio of sums of squares from which columns as they are named are worse than others."""
-
-CLEAR: Final = 60.0
-"""Difference of sums of squares, over the mean square, from which columns are told apart."""
 
 UNITS: Final = {"km/h": 3.6, "kn": 1.943844, "ft/s": 3.28084, "cm/s": 100.0, "mm/s": 1000.0, "mph": 2.236936}
 """Size of 1 m/s in other units."""
@@ -68,7 +66,7 @@ def _level_fault(moved: Array, passed: Array) -> str:
     best = min(squares, key=lambda key: squares[key][0] if squares[key][1] > 0.0 else np.inf)
     least, scale = squares[best]
     as_named = float(np.sum((moved - passed) ** 2))
-    if as_named < TIMES_WORSE * least or as_named - least < CLEAR * least / moved.size:
+    if as_named < TIMES_WORSE * least or not is_clear(as_named, least, moved.size - 1.0, len(squares)):
         return ""
     order, signs = best
     if order == (1, 0):
@@ -84,11 +82,9 @@ def _level_fault(moved: Array, passed: Array) -> str:
 
 def _vertical_fault(moved: Array, passed: Array) -> str:
     """Say that downward velocities are upward ones: where the altitude changes enough to tell."""
-    power = float(passed @ passed)
-    if power == 0.0:
+    if not np.any(passed):
         return ""
-    slope = float(moved @ passed) / power
-    error = float(np.sqrt(np.sum((moved - slope * passed) ** 2) / (len(moved) - 1) / power))
-    if slope < -0.5 and slope < -6.0 * error:
+    slope, noise = slope_through_zero(passed, moved)
+    if slope < -0.5 and slope < -noise:
         return "velocity_down has the wrong sign against differences of altitude: it is counted upward"
     return ""

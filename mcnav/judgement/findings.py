@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.assessment import LEVEL, assess
-from mcnav.judgement.likelihood import DROP, Factor, estimate_factor
-from mcnav.judgement.naming import Candidate, Naming
+from mcnav.judgement.naming import Candidate, Named, Naming
+from mcnav.judgement.profile import DROP, Factor
 from mcnav.judgement.reduction import present, with_causes, with_error, with_size
 from mcnav.judgement.simulation import recorded
 
@@ -95,22 +95,87 @@ class Finding:
     Attributes
     ----------
     number : CauseVerdict or OffsetVerdict
-    rivals : tuple of str
-        Candidates from which it is not told apart.
+    rivals : tuple of CauseVerdict or OffsetVerdict
+        Numbers from which it is not told apart, each estimated as if it were what is wrong.
     left : float
         Probability of a record as unusual as this one once it is changed.
     """
 
     number: CauseVerdict | OffsetVerdict
-    rivals: tuple[str, ...]
+    rivals: tuple[CauseVerdict | OffsetVerdict, ...]
     left: float
+
+    @property
+    def alternatives(self) -> tuple[CauseVerdict | OffsetVerdict, ...]:
+        """What may be wrong, the likeliest first."""
+        return (self.number, *self.rivals)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What is changed in a record for the numbers that are named.
+
+    Attributes
+    ----------
+    record : FilteredRecord
+        As the campaign has it, the stamps of sensors moved back by `delays`.
+    delays : mapping of str to float
+        Of sensors, s.
+    errors : mapping of str to ndarray
+        Constant errors, beside these delays.
+    sizes : mapping of int to float
+        Factors of sizes.
+    """
+
+    record: FilteredRecord
+    delays: Mapping[str, float] = field(default_factory=dict)
+    errors: Mapping[str, Array] = field(default_factory=dict)
+    sizes: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def settled(self) -> tuple[str, ...]:
+        """Names of the constant errors."""
+        return tuple(self.errors)
+
+    @property
+    def changed(self) -> FilteredRecord:
+        """The record of the changed campaign."""
+        record = self.record
+        for number, factor in self.sizes.items():
+            record = with_size(record, number, factor)
+        for offset in record.offsets:
+            if offset.name in self.errors:
+                record = with_error(record, offset.states, self.errors[offset.name])
+        return record
+
+    def with_delay(self, sensor: str, delay: float, again: Again | None) -> Changes:
+        """Move the stamps of a sensor back: to second order, what is left of the delay is a constant error."""
+        if again is None:
+            return self
+        delays = {**self.delays, sensor: delay}
+        return replace(self, record=again(delays), delays=delays)
+
+    def with_error(self, name: str, values: Array) -> Changes:
+        """Add a constant error."""
+        return replace(self, errors={**self.errors, name: values})
+
+    def with_size(self, number: int, factor: float) -> Changes:
+        """Multiply a size."""
+        return replace(self, sizes={**self.sizes, number: factor})
+
+    def left(self, simulated: int, seed: int) -> float:
+        """Return the probability of a record as unusual as this one with everything changed."""
+        record = self.changed
+        of_campaign = with_causes(record, present(record))
+        assessment = assess(of_campaign, recorded(of_campaign), simulated, 1, seed)
+        return float(assessment.probability(assessment.scores.max(axis=0))[0])
 
 
 def find_numbers(
     record: FilteredRecord, numbers: Sequence[CauseVerdict | OffsetVerdict], settings: tuple[int, int],
-    again: Again | None,
-) -> tuple[Finding, ...]:  # fmt: skip
-    """Name numbers one after another.
+    again: Again | None, drops: Mapping[int, float] | None = None,
+) -> tuple[tuple[Finding, ...], Changes]:  # fmt: skip
+    """Name numbers one after another; return them, and what they change.
 
     Parameters
     ----------
@@ -120,96 +185,102 @@ def find_numbers(
         Of all that the campaign has, and constant errors that it does not have.
     settings : tuple of int
         Simulated records by which a changed campaign is judged, and their seed.
+    drops : mapping of int to float
+        Falls of the log-likelihood at the ends of the intervals of sizes, by cause; of others `DROP`.
     """
     verdicts = {number.name: number for number in numbers}
-    findings: list[Finding] = []
+    findings, changes = list[Finding](), Changes(record)
     while len(findings) < MOST_NUMBERS:
-        found = _named(record, verdicts, again)
-        if found is None or any(finding.number.name == found[0].name for finding in findings):
+        naming = Naming(changes.changed, changes.settled)
+        named = naming.foremost()
+        if named is None or any(finding.number.name == named.candidate.name for finding in findings):
             break
-        number, rivals, record = found
-        of_campaign = with_causes(record, present(record))
-        left = assess(of_campaign, recorded(of_campaign), settings[0], 1, settings[1])
-        probability = float(left.probability(left.scores.max(axis=0))[0])
-        findings.append(Finding(number, rivals, probability))
-        if probability > LEVEL:
+        rivals = _rivals(naming, named, changes, verdicts, again, drops or {})
+        number, changes = _estimated(naming, named.candidate, changes, verdicts, again, drops or {})
+        findings.append(Finding(number, rivals, changes.left(*settings)))
+        if findings[-1].left > LEVEL:
             break
-    return tuple(findings)
+    return tuple(findings), changes
 
 
-def find_first(record: FilteredRecord, again: Again | None) -> Finding | None:
+def find_first(record: FilteredRecord, again: Again | None) -> tuple[Finding, Changes] | None:
     """Name the foremost number alone, without asking what is left once it is changed: that probability is NaN."""
-    found = _named(record, {}, again)
-    return None if found is None else Finding(found[0], found[1], np.nan)
-
-
-def _named(
-    record: FilteredRecord, verdicts: Mapping[str, CauseVerdict | OffsetVerdict], again: Again | None
-) -> tuple[CauseVerdict | OffsetVerdict, tuple[str, ...], FilteredRecord] | None:
-    """Return what is named, what is not told apart from it, and the record of the campaign changed to it."""
     naming = Naming(record)
     named = naming.foremost()
     if named is None:
         return None
-    number, changed = _changed(naming, named.candidate, verdicts.get(named.candidate.name), again)
-    return number, tuple(rival.name for rival in named.rivals), changed
+    rivals = _rivals(naming, named, Changes(record), {}, again, {})
+    number, changes = _estimated(naming, named.candidate, Changes(record), {}, again, {})
+    return Finding(number, rivals, np.nan), changes
 
 
-def _changed(
-    naming: Naming, candidate: Candidate, verdict: CauseVerdict | OffsetVerdict | None, again: Again | None
-) -> tuple[CauseVerdict | OffsetVerdict, FilteredRecord]:
-    """Estimate a number, and return it with the record of the campaign changed to it."""
+def _rivals(
+    naming: Naming, named: Named, changes: Changes, verdicts: Mapping[str, CauseVerdict | OffsetVerdict],
+    again: Again | None, drops: Mapping[int, float],
+) -> tuple[CauseVerdict | OffsetVerdict, ...]:  # fmt: skip
+    return tuple(_estimated(naming, rival, changes, verdicts, again, drops)[0] for rival in named.rivals)
+
+
+def _estimated(
+    naming: Naming, candidate: Candidate, changes: Changes, verdicts: Mapping[str, CauseVerdict | OffsetVerdict],
+    again: Again | None, drops: Mapping[int, float],
+) -> tuple[CauseVerdict | OffsetVerdict, Changes]:  # fmt: skip
+    """Estimate a number, and return it with what it changes beside the others."""
+    verdict = verdicts.get(candidate.name)
     if candidate.cause is not None:
-        return _size(naming.record, candidate.cause, verdict, candidate.gain)
+        factor = naming.scan.factors({candidate.cause: drops.get(candidate.cause, DROP)})[candidate.cause]
+        cause = verdict if isinstance(verdict, CauseVerdict) else _absent_cause(naming.record, candidate)
+        return replace(cause, factor=factor), changes.with_size(candidate.cause, factor.value)
     assert candidate.offset is not None
-    record, number = naming.record, candidate.offset
-    known = record.offsets[number]
-    if not isinstance(verdict, OffsetVerdict):
-        used = None if known.used is None else tuple(known.used.tolist())
-        verdict = OffsetVerdict(known.name, known.key, known.axes, known.unit, known.shown_in, (), (), used, 0.0, ())
-    values, sigmas = _estimates(naming, candidate.free)
-    moved_by = np.zeros_like(values)
+    offset = verdict if isinstance(verdict, OffsetVerdict) else _offset(naming.record, candidate)
+    moved_by = np.zeros(len(candidate.free))
     if candidate.name.endswith(DELAY) and again is not None:
-        # to second order: what is left of the delay once the stamps are moved
-        moved_by = values
-        moved = again({candidate.name.removesuffix(DELAY): float(moved_by[0])})
-        record = replace(moved, mean=moved.mean + record.mean)
-        naming = Naming(record)
-        values, sigmas = _estimates(naming, candidate.free)
-    arm = naming.beside(number)
-    together, errors = _estimates(naming, np.concatenate([candidate.free, arm]))
+        moved_by, _ = _estimates(naming, candidate.free)
+        changes = changes.with_delay(candidate.name.removesuffix(DELAY), float(moved_by[0]), again)
+        naming = Naming(changes.changed, changes.settled)
+    values, sigmas, beside_arm = _beside_arm(naming, candidate, float(moved_by[0]))
+    offset = replace(
+        offset, estimate=tuple((moved_by + values).tolist()), sigma=tuple(sigmas.tolist()), gain=candidate.gain,
+        beside_arm=beside_arm,
+    )  # fmt: skip
+    return offset, changes.with_error(candidate.name, values)
+
+
+def _absent_cause(record: FilteredRecord, candidate: Candidate) -> CauseVerdict:
+    assert candidate.cause is not None
+    cause = record.causes[candidate.cause]
+    return CauseVerdict(
+        cause.name, cause.key, cause.size, cause.unit, cause.shown_in, None, candidate.gain, None, (), (),
+        absent=cause.absent, correlation_time=cause.correlation_time,
+    )  # fmt: skip
+
+
+def _offset(record: FilteredRecord, candidate: Candidate) -> OffsetVerdict:
+    assert candidate.offset is not None
+    known = record.offsets[candidate.offset]
+    used = None if known.used is None else tuple(known.used.tolist())
+    return OffsetVerdict(known.name, known.key, known.axes, known.unit, known.shown_in, (), (), used, 0.0, ())
+
+
+def _beside_arm(
+    naming: Naming, candidate: Candidate, moved_by: float
+) -> tuple[Array, Array, tuple[float, float] | None]:
+    """Estimate a constant error with its sigmas; of a delay with the lever arm free as well, where that says more."""
+    values, sigmas = _estimates(naming, candidate.free)
+    arm = naming.beside(candidate.name)
     count = len(candidate.free)
-    beside_arm = None
-    if len(arm) and np.all(errors[:count] < NOT_SEPARATE * sigmas):
-        if naming.stands_beside(arm, candidate.free):
-            values, sigmas = together[:count], errors[:count]
-        elif count == 1:
-            beside_arm = (float(moved_by[0] + together[0]), float(errors[0]))
-    record = with_error(record, record.offsets[number].states, values)
-    estimate = tuple((moved_by + values).tolist())
-    changed = replace(
-        verdict, estimate=estimate, sigma=tuple(sigmas.tolist()), gain=candidate.gain, beside_arm=beside_arm
-    )
-    return changed, record
+    if len(arm):
+        together, errors = _estimates(naming, np.concatenate([candidate.free, arm]))
+        if np.all(errors[:count] < NOT_SEPARATE * sigmas):
+            if naming.stands_beside(arm, candidate.free):
+                return together[:count], errors[:count], None
+            if count == 1:
+                return values, sigmas, (moved_by + float(together[0]), float(errors[0]))
+    return values, sigmas, None
 
 
 def _estimates(naming: Naming, free: IndexArray) -> tuple[Array, Array]:
-    sums = naming.scan.base
-    return sums.estimate(free), np.sqrt(np.maximum(np.diag(sums.inverse(free)), 0.0))
-
-
-def _size(
-    record: FilteredRecord, number: int, verdict: CauseVerdict | OffsetVerdict | None, gain: float
-) -> tuple[CauseVerdict, FilteredRecord]:
-    """Estimate a size with its interval, of the campaign or of a process that it does not have."""
-    kept = sorted({*present(record), number})
-    small, cause = with_causes(record, kept), record.causes[number]
-    factor: Factor = estimate_factor(small, recorded(small), kept.index(number), DROP)
-    if isinstance(verdict, CauseVerdict):
-        changed = replace(verdict, factor=factor)
-    else:
-        changed = CauseVerdict(
-            cause.name, cause.key, cause.size, cause.unit, cause.shown_in, factor, gain, None, (), (),
-            absent=True, correlation_time=cause.correlation_time,
-        )  # fmt: skip
-    return changed, with_size(record, number, factor.value)
+    """Estimate errors, with their sigmas; those that are named already are free as well."""
+    together, count = naming.scan.with_settled(free), len(free)
+    values, covariance = naming.scan.base.estimates(together)[0], naming.scan.base.covariances(together)[0]
+    return values[:count], np.sqrt(np.maximum(np.diag(covariance), 0.0))[:count]

@@ -17,9 +17,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy import stats
 
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import RecordedMeasurements, Recording
+from mcnav.judgement.chance import FALSE_ALARM, is_clear
 from mcnav.judgement.local_track import local_metres
 from mcnav.physics.constants import STANDARD_GRAVITY
 
@@ -40,9 +42,6 @@ LEAST_LAG: Final = 0.7
 
 TIMES_WORSE: Final = 4.0
 """Ratio of what is left of squares from which a lag, or a reflection, is the better one."""
-
-CLEAR: Final = 60.0
-"""Difference of squares, over their mean, from which lags or reflections are told apart."""
 
 EXPLAINED: Final = 0.3
 """Share of the squares of a track's accelerations that may be left where it is that of the readings."""
@@ -151,6 +150,11 @@ class ForceMatch:
         return float(np.sum(squares)) / len(self.gained)
 
     @property
+    def freedom(self) -> float:
+        """Degrees of freedom of what is left: three of each difference that does not overlap, less three a window."""
+        return 3.0 * (self.independent - len(self._windows))
+
+    @property
     def independent(self) -> float:
         """Number of differences that do not overlap."""
         return float((self.stamps[-1, 0] - self.stamps[0, 0]) / np.median(self.stamps[:, -1] - self.stamps[:, 0]))
@@ -223,7 +227,7 @@ def clock_fault(match: ForceMatch) -> str:
     fine = LAGS[best] + np.linspace(-0.25, 0.25, 11)
     lag = float(min(fine, key=lambda shift: match.left(float(shift))[0]))
     least = match.left(lag)[0]
-    clear = (at_zero - least) * match.independent > CLEAR * least / 3.0
+    clear = is_clear(at_zero, least, match.freedom, len(LAGS) + len(fine))
     if abs(lag) < LEAST_LAG or at_zero < TIMES_WORSE * least or not clear or least > EXPLAINED * match.moved:
         return ""
     side = "late" if lag > 0.0 else "early"
@@ -249,7 +253,7 @@ def mirror_fault(match: ForceMatch) -> str:
     }
     for words, signs in reflections.items():
         least = match.left(0.0, signs)[0]
-        clear = (as_named - least) * match.independent > CLEAR * least / 3.0
+        clear = is_clear(as_named, least, match.freedom, len(reflections))
         if as_named > TIMES_WORSE * least and clear and least < EXPLAINED * match.moved:
             return f"{words}: the readings are those of the mirrored track"
     return ""
@@ -262,7 +266,7 @@ def heading_fault(match: ForceMatch, heading: float, sigma: float) -> str:
         return ""
     by_both, error = by_motion
     apart = _wrapped(heading - by_both)
-    allowed = DRIFT + 5.0 * float(np.hypot(error, sigma))
+    allowed = DRIFT + float(stats.norm.isf(0.5 * FALSE_ALARM) * np.hypot(error, sigma))
     if abs(apart) < allowed:
         return ""
     others = {

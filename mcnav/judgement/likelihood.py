@@ -12,21 +12,17 @@ Anderson and Moore 1979, *Optimal Filtering*, section 10.5).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav.arrays.products import innovation_covariance, transform
-from mcnav.arrays.types import Array
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
-from mcnav.errors import NumericalError
 from mcnav.judgement.simulation import Innovations
-
-WIDEST: Final = 30.0
-"""Largest factor that is looked for, and the inverse of the smallest."""
 
 DROP: Final = 1.920729410347062
 """Fall of the log-likelihood at the ends of a 95 % interval: half the 95 % point of chi-square of one degree."""
@@ -98,85 +94,60 @@ def whiten(
         yield whitened, 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
 
 
+def respond_freely(record: FilteredRecord, start: Array) -> Innovations:
+    """Return the measurements that errors at the start alone bring about, without corrections, of shape (e, R)."""
+    errors, values = start, []
+    for stage in record.stages:
+        errors = errors if stage.transition is None else stage.transition @ errors
+        values.append(stage.response @ errors)
+    return Innovations(tuple(values), np.zeros((0, 9, start.shape[1])))
+
+
+def without_mean(record: FilteredRecord) -> FilteredRecord:
+    """Return the record of errors of mean zero."""
+    return replace(record, mean=np.zeros_like(record.mean))
+
+
+def at_start_alone(record: FilteredRecord) -> frozenset[int]:
+    """Return the causes that are errors at the start, and no process and no noise besides."""
+    acting = {part.cause for stage in record.stages for part in (*stage.processes, *stage.noise)}
+    return frozenset(record.initial_causes.tolist()) - acting - {-1}
+
+
+def sources_at_start(record: FilteredRecord) -> tuple[Array, Array, IndexArray]:
+    """Return errors of one sigma of each source at the start, (e, m), their correlations, (m, m), and causes, (m,)."""
+    sigmas = np.sqrt(np.diag(record.initial))
+    kept = np.flatnonzero(sigmas > 0.0)
+    correlations = record.initial[np.ix_(kept, kept)] / np.outer(sigmas[kept], sigmas[kept])
+    return record.to_states[:, kept] * sigmas[kept], correlations, record.initial_causes[kept]
+
+
+def rescale_start(information: Array, correlations: Array, scales: Array) -> tuple[Array, Array]:
+    """Return what other sizes of errors at the start change in products of whitened records.
+
+    With their whitened responses W, of one sigma, M = W^T W and the change D of their covariance, products u^T v become
+    u^T v - u^T W K W^T v with K = D (I + M D)^-1, and log det S grows by log det (I + M D).
+
+    Parameters
+    ----------
+    information, correlations : ndarray, shape (m, m)
+        M, and the covariance in units of the sigmas.
+    scales : ndarray, shape (f, m)
+        Of each source, in each of f sets.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (f, m, m) and (f,)
+        K, and what log det S grows by.
+    """
+    change = correlations * (scales[:, :, None] * scales[:, None, :] - 1.0)
+    inner = np.eye(len(information)) + information @ change
+    return np.asarray(change @ np.linalg.inv(inner)), np.asarray(np.linalg.slogdet(inner)[1])
+
+
 def log_likelihood(record: FilteredRecord, measured: Innovations, factors: Sequence[Mapping[int, float]]) -> Array:
     """Compute the log-likelihoods of R records with each of f sets of sizes, but for a constant, shape (f, R)."""
     total = np.zeros((len(factors), len(measured)))
     for whitened, log_determinants in whiten(record, measured, factors):
         total -= 0.5 * (np.einsum("fcr,fcr->fr", whitened, whitened) + log_determinants[:, None])
     return total
-
-
-@dataclass(frozen=True)
-class Factor:
-    """The factor of a size by maximum likelihood.
-
-    Attributes
-    ----------
-    value : float
-    low, high : float
-        Ends of the 95 % interval; 0 or infinite where the likelihood does not fall that far.
-    gain : float
-        Log-likelihood above that of the factor one.
-    """
-
-    value: float
-    low: float
-    high: float
-    gain: float
-
-
-def estimate_factor(record: FilteredRecord, innovations: Innovations, cause: int, drop: float = DROP) -> Factor:
-    """Estimate the factor of one size from one record, on grids of its logarithm that become finer.
-
-    Parameters
-    ----------
-    drop : float
-        Fall of the log-likelihood at the ends of the interval.
-    """
-    measured = without_corrections(record, innovations)
-
-    def values(logarithms: Array) -> Array:
-        factors = [{cause: float(np.exp(logarithm))} for logarithm in logarithms]
-        likelihoods = log_likelihood(record, measured, factors)[:, 0]
-        if np.isnan(likelihoods).any():
-            raise NumericalError(f"the likelihood of a record is not a number for some of the factors {factors}")
-        return likelihoods
-
-    widest = float(np.log(WIDEST))
-    grid = np.linspace(-widest, widest, 13)
-    of_grid, at_one = values(grid), float(values(np.zeros(1))[0])
-    for _ in range(3):
-        grid, of_grid = _finer(grid, of_grid, values)
-    best = int(np.argmax(of_grid))
-    top, most = float(grid[best]), float(of_grid[best])
-    low, high = (_end(grid, of_grid, best, most - drop, side, values) for side in (-1, 1))
-    return Factor(float(np.exp(top)), float(np.exp(low)), float(np.exp(high)), most - at_one)
-
-
-def _finer(grid: Array, of_grid: Array, values: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Add points between the highest value and its neighbours."""
-    best = int(np.argmax(of_grid))
-    around = grid[[max(best - 1, 0), best, min(best + 1, len(grid) - 1)]]
-    new = np.concatenate([np.linspace(around[0], around[1], 6)[1:-1], np.linspace(around[1], around[2], 6)[1:-1]])
-    new = np.setdiff1d(new, grid)
-    every = np.concatenate([grid, new])
-    order = np.argsort(every)
-    return every[order], np.concatenate([of_grid, values(new)])[order]
-
-
-def _end(
-    grid: Array, of_grid: Array, best: int, level: float, side: int, values: Callable[[Array], Array]
-) -> float:  # fmt: skip
-    """Return where the log-likelihood falls to a level on one side of its highest value; infinite where it does not."""
-    below = np.flatnonzero(of_grid[best::side] < level) if side > 0 else np.flatnonzero(of_grid[best::-1] < level)
-    if not len(below):
-        return side * np.inf
-    outer = best + side * int(below[0])
-    ends, at_ends = grid[[outer - side, outer]], of_grid[[outer - side, outer]]
-    for _ in range(3):
-        points = np.linspace(ends[0], ends[1], 9)
-        heights = np.concatenate([at_ends[:1], values(points[1:-1]), at_ends[1:]])
-        first = int(np.argmax(heights < level))
-        ends, at_ends = points[first - 1 : first + 1], heights[first - 1 : first + 1]
-    share = (at_ends[0] - level) / (at_ends[0] - at_ends[1])
-    return float(ends[0] + share * (ends[1] - ends[0]))

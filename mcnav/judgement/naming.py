@@ -80,63 +80,63 @@ class Named:
 
 
 class Naming:
-    """Candidates of a record."""
+    """Candidates of a record, beside constant errors that are named already."""
 
-    def __init__(self, record: FilteredRecord) -> None:
-        self.record, self.scan = record, Scan(record)
+    def __init__(self, record: FilteredRecord, settled: tuple[str, ...] = ()) -> None:
+        self.record, self.scan = record, Scan(record, settled)
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """All candidates, the one of the largest gain first."""
-        found = [*self._constants(), *self._sizes()]
-        return tuple(sorted(found, key=lambda each: -each.gain))
+        return tuple(sorted([*self._constants(), *self._sizes()], key=lambda candidate: -candidate.gain))
 
     def foremost(self) -> Named | None:
         """Return what is named; none where no candidate stands, or the largest gain is at the end of its search."""
-        standing = [each for each in self.candidates if each.stands]
+        standing = [candidate for candidate in self.candidates if candidate.stands]
         if not standing:
             return None
         first = standing[0]
-        rivals = tuple(each for each in standing[1:] if first.gain - each.gain < TOLD_APART)
+        rivals = tuple(candidate for candidate in standing[1:] if first.gain - candidate.gain < TOLD_APART)
         return Named(first, rivals)
 
     def _constants(self) -> Iterator[Candidate]:
-        base = self.scan.base
-        for number, (offset, free) in enumerate(zip(self.record.offsets, self.scan.columns, strict=True)):
-            gain = base.value(free) - base.value(NOTHING)
-            lasting = min(self._lasting(free, NOTHING), self._lasting(free, self.beside(number)))
+        scan = self.scan
+        for number, offset in enumerate(self.record.offsets):
+            if offset.name in scan.settled:
+                continue
+            free = scan.columns[offset.name]
+            gain = scan.highest(free) - scan.highest(NOTHING)
+            lasting = min(self._lasting(free, NOTHING), self._lasting(free, self.beside(offset.name)))
             yield Candidate(offset.name, None, number, free, gain - len(free), lasting)
 
-    def beside(self, number: int) -> IndexArray:
+    def beside(self, name: str) -> IndexArray:
         """Return the errors that are free beside a constant one: a sensor's arm beside its delay, and the reverse."""
-        name = self.record.offsets[number].name
         for kind, other in (("_delay", "_lever_arm"), ("_lever_arm", "_delay")):
-            partner = name.removesuffix(kind) + other
-            for offset, columns in zip(self.record.offsets, self.scan.columns, strict=True):
-                if name.endswith(kind) and offset.name == partner:
-                    return columns
+            if name.endswith(kind):
+                partner = name.removesuffix(kind) + other
+                return NOTHING if partner in self.scan.settled else self.scan.columns.get(partner, NOTHING)
         return NOTHING
 
     def stands_beside(self, errors: IndexArray, others: IndexArray) -> bool:
         """Return whether constant errors gain with others free."""
-        gain = self.scan.base.value(np.concatenate([errors, others])) - self.scan.base.value(others)
+        gain = self.scan.highest(np.concatenate([errors, others])) - self.scan.highest(others)
         return gain > 0.5 * float(chi2.isf(STANDS, len(errors)))
 
     def _lasting(self, free: IndexArray, others: IndexArray) -> float:
         """Return the gain of constant errors with others, and any one size, free besides."""
         both = np.concatenate([free, others])
         with_them, without = (
-            max([self.scan.base.value(errors), *(profile.highest(errors)[1] for profile in self.scan.sizes.values())])
+            max([self.scan.highest(errors), *(self.scan.highest_with(size, errors)[1] for size in self.scan.sizes)])
             for errors in (both, others)
         )
         return with_them - without
 
     def _sizes(self) -> Iterator[Candidate]:
-        base, everything = self.scan.base, self.scan.everything
-        for number, profile in self.scan.sizes.items():
-            factor, value = profile.highest(NOTHING)
-            lasting = profile.highest(everything)[1] - base.value(everything)
+        scan = self.scan
+        for number in scan.sizes:
+            factor, value = scan.highest_with(number, NOTHING)
+            lasting = scan.highest_with(number, scan.everything)[1] - scan.highest(scan.everything)
             yield Candidate(
-                self.record.causes[number].name, number, None, NOTHING, value - base.value(NOTHING) - 1.0, lasting,
-                factor, profile.at_end,
+                self.record.causes[number].name, number, None, NOTHING, value - scan.highest(NOTHING) - 1.0, lasting,
+                factor, scan.at_end(number),
             )  # fmt: skip

@@ -17,6 +17,7 @@ from mcnav.contract.recorded import RecordedMeasurements, Recording
 from mcnav.judgement.column_match import velocity_fault
 from mcnav.judgement.force_match import ForceMatch, clock_fault, heading_fault, mirror_fault
 from mcnav.judgement.local_track import local_metres, speeds
+from mcnav.judgement.turn_match import turn_fault
 from mcnav.physics.constants import STANDARD_GRAVITY
 
 IMU: Final = "imu"
@@ -27,15 +28,6 @@ GRAVITIES: Final = {"g": 1.0, "mg": 1e3, "ug": 1e6, "cm/s^2": 1e2 * STANDARD_GRA
 
 NEAR: Final = 0.2
 """Share by which the median specific force of a vehicle may differ from gravity."""
-
-TURNS: Final = {"deg/s": 180.0 / np.pi, "deg/h": 3600.0 * 180.0 / np.pi, "mrad/s": 1e3, "revolutions/min": 30.0 / np.pi}
-"""Rates of 1 rad/s in other units."""
-
-OTHER_UNIT: Final = 0.15
-"""Share by which a ratio of rates may differ from that of two units to be taken for it."""
-
-LEAST_TURN: Final = 1.0
-"""Turn of a track from which its gyros are compared with it, rad."""
 
 MOVING: Final = 1.0
 """Speed from which a track has a course, m/s."""
@@ -85,7 +77,7 @@ def find_fault(recording: Recording, position_sigma: float = 0.0, heading_sigma:
         match = ForceMatch.of(recording, measured)
         if match is not None and (message := clock_fault(match) or mirror_fault(match)):
             return Fault(name, message)
-        if message := _turn_fault(recording, measured):
+        if message := turn_fault(recording, measured):
             return Fault(IMU, message)
         if message := _heading_columns(measured):
             return Fault(name, message)
@@ -160,43 +152,6 @@ def _far_from_start(recording: Recording, measured: RecordedMeasurements, sigma:
     }
     told = next((f": {words}" for words, position in others.items() if apart(position) <= allowed), "")
     return f"the first fix is {apart(first) / 1e3:,.4g} km from where navigation starts{told}"
-
-
-def _turn_fault(recording: Recording, measured: RecordedMeasurements) -> str:
-    """Say that gyros turn by another factor than the track: another unit, or the other way."""
-    velocity = measured.values.get("velocity")
-    if velocity is None:
-        return ""
-    fast = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVING
-    course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    turned = np.mod(np.diff(course) + np.pi, 2.0 * np.pi) - np.pi
-    kept = fast[1:] & fast[:-1] & (np.abs(turned) < 1.5)
-    if np.sum(np.abs(turned[kept])) < LEAST_TURN:
-        return ""
-    widths = np.diff(recording.ends, prepend=0.0)
-    force = recording.accelerometer
-    count = max(round(1.0 / float(np.median(widths))), 1)
-    smooth = np.stack([np.convolve(column, np.ones(count) / count, "same") for column in force.T], axis=1)
-    down = -smooth / np.maximum(np.linalg.norm(smooth, axis=1), 1e-9)[:, None]
-    angle = np.concatenate([[0.0], np.cumsum(np.sum(recording.gyro * down, axis=1) * widths)])
-    by_gyros = np.diff(np.interp(measured.times, np.concatenate([[0.0], recording.ends]), angle))
-    x, y = turned[kept], by_gyros[kept]
-    squares = float(x @ x)
-    slope = float(x @ y) / squares
-    error = float(np.sqrt(np.mean((y - slope * x) ** 2) / squares))
-    if abs(slope) < 8.0 * error:
-        return ""
-    for unit, factor in TURNS.items():
-        if abs(slope / factor - 1.0) < OTHER_UNIT:
-            return (
-                f"the gyros turn {slope:.3g} times as much as the track: they are in {unit}, not rad/s; "
-                f"--unit gyro={unit}"
-            )
-        if abs(slope * factor - 1.0) < OTHER_UNIT:
-            return f"the track turns {1.0 / slope:.3g} times as much as the gyros: they are in rad/s, not {unit}"
-    if abs(slope + 1.0) < OTHER_UNIT:
-        return "the gyros turn against the track: the axes are not forward, right, down, or gyros have the wrong sign"
-    return ""
 
 
 def _heading_columns(measured: RecordedMeasurements) -> str:

@@ -5,12 +5,14 @@ log-likelihood is highest at the b of least squares, so that one pass over the r
 gives it for every choice of errors that are free ::
 
     log L = -1/2 (z.z - (W^T z)^T (W^T W)^-1 W^T z + sum log det S)
+
+Sizes of errors at the start alone need no pass of their own (`rescale_start`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -18,100 +20,33 @@ import numpy as np
 
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
-from mcnav.judgement.likelihood import whiten, without_corrections
+from mcnav.judgement.likelihood import (
+    at_start_alone,
+    rescale_start,
+    respond_freely,
+    sources_at_start,
+    whiten,
+    without_corrections,
+    without_mean,
+)
+from mcnav.judgement.profile import Factor, Profile, Sums, merged
 from mcnav.judgement.reduction import present, with_causes
-from mcnav.judgement.simulation import beside, less_mean, recorded, respond
+from mcnav.judgement.simulation import Innovations, beside, recorded
 
-PRESENT: Final = np.geomspace(1.0 / 30.0, 30.0, 15)
+PRESENT: Final = np.geomspace(1.0 / 30.0, 30.0, 9)
 """Factors of a size that the campaign has."""
 
-ABSENT: Final = np.geomspace(0.1, 30.0, 14)
+ABSENT: Final = np.geomspace(0.1, 30.0, 8)
 """Factors of the size from which one is looked for that the campaign does not have."""
 
-REFINEMENTS: Final = 2
-"""Times that the grid is refined about its highest value."""
+REFINEMENTS: Final = 6
+"""Times, at most, that the grid is refined about its highest value, and about the ends of an interval."""
 
 NOTHING: Final = np.zeros(0, dtype=np.int64)
 """No free error."""
 
 BATCH: Final = 60
 """Sets of sizes that are whitened together."""
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Sums of one set of sizes: z.z + sum log det S, W^T z, shape (b,), and W^T W, shape (b, b)."""
-
-    total: float
-    products: Array
-    information: Array
-
-    def value(self, free: IndexArray) -> float:
-        """Return the log-likelihood with some errors free."""
-        if not len(free):
-            return -0.5 * self.total
-        products = self.products[free]
-        return -0.5 * (self.total - float(products @ self.inverse(free) @ products))
-
-    def inverse(self, free: IndexArray) -> Array:
-        """Return the covariance of the estimates of some errors."""
-        matrix = self.information[np.ix_(free, free)]
-        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        scales = np.outer(scale, scale)
-        return np.asarray(np.linalg.pinv(matrix / scales, rcond=1e-9, hermitian=True) / scales)
-
-    def estimate(self, free: IndexArray) -> Array:
-        """Return the estimates of some errors, all free."""
-        return np.asarray(self.inverse(free) @ self.products[free])
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Sums of a record with one size multiplied by rising factors."""
-
-    factors: Array
-    sums: tuple[Sums, ...]
-
-    def values(self, free: IndexArray) -> Array:
-        """Return the log-likelihoods with some errors free."""
-        return np.array([sums.value(free) for sums in self.sums])
-
-    def highest(self, free: IndexArray) -> tuple[float, float]:
-        """Return the factor of the highest log-likelihood, and it: of the parabola through its neighbours."""
-        values = self.values(free)
-        best = int(np.argmax(values))
-        if best in (0, len(values) - 1):
-            return float(self.factors[best]), float(values[best])
-        logs = np.log(self.factors[best - 1 : best + 2])
-        left, right = logs[0] - logs[1], logs[2] - logs[1]
-        low, here, high = values[best - 1 : best + 2]
-        bend = ((high - here) / right - (low - here) / left) / (right - left)
-        slope = (high - here) / right - bend * right
-        step = -0.5 * slope / bend if bend < 0.0 else 0.0
-        return float(np.exp(logs[1] + step)), float(here + slope * step + bend * step**2)
-
-    @property
-    def at_end(self) -> bool:
-        """Whether the highest value is at an end of the factors."""
-        return int(np.argmax(self.values(NOTHING))) in (0, len(self.factors) - 1)
-
-    @property
-    def between(self) -> Array:
-        """Factors between the highest value and its neighbours; none at an end."""
-        best = int(np.argmax(self.values(NOTHING)))
-        if best in (0, len(self.factors) - 1):
-            return np.zeros(0)
-        below = np.geomspace(self.factors[best - 1], self.factors[best], 4)[1:-1]
-        return np.concatenate([below, np.geomspace(self.factors[best], self.factors[best + 1], 4)[1:-1]])
-
-
-def _merged(profile: Profile, other: Profile | None) -> Profile:
-    if other is None:
-        return profile
-    factors = np.concatenate([profile.factors, other.factors])
-    order = np.argsort(factors)
-    sums = (*profile.sums, *other.sums)
-    return Profile(factors[order], tuple(sums[place] for place in order))
 
 
 @dataclass(frozen=True)
@@ -122,69 +57,161 @@ class Scan:
     ----------
     record : FilteredRecord
         With the processes that the campaign does not have.
+    settled : tuple of str
+        Constant errors that are named already: they are free in everything.
     """
 
     record: FilteredRecord
+    settled: tuple[str, ...] = ()
 
     @cached_property
-    def columns(self) -> tuple[IndexArray, ...]:
+    def columns(self) -> Mapping[str, IndexArray]:
         """Places of each offset's errors among the free ones."""
-        ends = np.cumsum([len(offset.states) for offset in self.record.offsets])
-        return tuple(
-            np.arange(end - len(offset.states), end) for end, offset in zip(ends, self.record.offsets, strict=True)
-        )
+        ends = np.cumsum([len(offset.states) for offset in self.record.offsets]).tolist()
+        return {
+            offset.name: np.arange(end - len(offset.states), end)
+            for end, offset in zip(ends, self.record.offsets, strict=True)
+        }
+
+    @cached_property
+    def always(self) -> IndexArray:
+        """Errors that are free in everything."""
+        return np.concatenate([NOTHING, *(self.columns[name] for name in self.settled)])
 
     @cached_property
     def everything(self) -> IndexArray:
-        """All free errors."""
-        return np.arange(sum(len(offset.states) for offset in self.record.offsets))
+        """All constant errors but those."""
+        return np.setdiff1d(np.concatenate([NOTHING, *self.columns.values()]), self.always)
+
+    def with_settled(self, free: IndexArray) -> IndexArray:
+        """Return some errors, and those that are free in everything."""
+        return np.concatenate([free, self.always])
+
+    def highest(self, free: IndexArray) -> float:
+        """Return the log-likelihood with the campaign's sizes and some errors free."""
+        return float(self.base.values(self.with_settled(free))[0])
+
+    def highest_with(self, number: int, free: IndexArray) -> tuple[float, float]:
+        """Return the factor of one size with the highest log-likelihood, and it, some errors free besides."""
+        return self.sizes[number].highest(self.with_settled(free))
+
+    def at_end(self, number: int) -> bool:
+        """Return whether the highest log-likelihood is at an end of a size's factors."""
+        return self.sizes[number].at_end(self.always)
+
+    @cached_property
+    def sizes(self) -> Mapping[int, Profile]:
+        """Profiles of all causes."""
+        return self._searched(range(len(self.record.causes)))
+
+    def factors(self, drops: Mapping[int, float]) -> dict[int, Factor]:
+        """Estimate sizes, with the ends of intervals where the log-likelihood has fallen by a drop."""
+        profiles = self._searched(drops)
+        for _ in range(REFINEMENTS):
+            ends = {number: profile.near_ends(self.always, drops[number]) for number, profile in profiles.items()}
+            profiles = self._refined(profiles, ends)
+        return {number: profile.factor(self.always, drops[number]) for number, profile in profiles.items()}
+
+    def _searched(self, numbers: Iterable[int]) -> dict[int, Profile]:
+        """Compute profiles: a grid of factors, refined about its highest value."""
+        result = self._profiles({n: ABSENT if self.record.causes[n].absent else PRESENT for n in numbers})
+        for _ in range(REFINEMENTS):
+            result = self._refined(result, {number: profile.between(self.always) for number, profile in result.items()})
+        return result
 
     @cached_property
     def base(self) -> Sums:
         """With the campaign's sizes."""
-        return self._sums(with_causes(self.record, present(self.record)), [{}])[0]
+        return self._with_start.part(np.arange(len(self._errors)))
 
     @cached_property
-    def sizes(self) -> Mapping[int, Profile]:
-        """Profiles of all causes: a grid of factors, refined twice about its highest value."""
-        of_campaign = present(self.record)
-        result = self._profiles(dict.fromkeys(of_campaign, PRESENT))
-        for number, cause in enumerate(self.record.causes):
-            if cause.absent:
-                result |= self._profiles({number: ABSENT})
-        for _ in range(REFINEMENTS):
-            between = {number: profile.between for number, profile in result.items() if len(profile.between)}
-            finer = self._profiles({number: between[number] for number in of_campaign if number in between})
-            for number in between:
-                if number not in finer:
-                    finer |= self._profiles({number: between[number]})
-            result = {number: _merged(profile, finer.get(number)) for number, profile in result.items()}
-        return result
+    def _errors(self) -> IndexArray:
+        """States of the free errors."""
+        return np.concatenate([NOTHING, *(offset.states for offset in self.record.offsets)])
+
+    @cached_property
+    def _own(self) -> FilteredRecord:
+        """The record of the campaign alone."""
+        return with_causes(self.record, present(self.record))
+
+    @cached_property
+    def _missing(self) -> Mapping[int, tuple[int, FilteredRecord]]:
+        """Each process that the campaign does not have: its number in the record of the campaign with it, and this."""
+        numbers = [number for number, cause in enumerate(self.record.causes) if cause.absent]
+        records = {number: sorted({*present(self.record), number}) for number in numbers}
+        return {number: (kept.index(number), with_causes(self.record, kept)) for number, kept in records.items()}
+
+    @cached_property
+    def _measured(self) -> Innovations:
+        """The record less its mean, and the responses to free errors, without the filter's corrections."""
+        record = self.record
+        start = np.concatenate([record.mean[:, None], np.eye(len(record.mean))[:, self._errors]], axis=1)
+        responses = respond_freely(record, start)
+        own = without_corrections(record, recorded(record))
+        values = tuple(
+            np.concatenate([value - response[:, :1], response[:, 1:]], axis=1)
+            for value, response in zip(own.values, responses.values, strict=True)
+        )
+        return Innovations(values, responses.errors)
+
+    @cached_property
+    def _with_start(self) -> Sums:
+        """With the campaign's sizes; the errors at the start are beside the free ones."""
+        started = respond_freely(self._own, sources_at_start(self._own)[0])
+        return self._summed(self._own, beside([self._measured, started]), [{}])
 
     def _profiles(self, factors: Mapping[int, Array]) -> dict[int, Profile]:
         """Compute the sums with one size multiplied by factors, of each of some causes."""
-        kept = sorted({*present(self.record), *factors})
-        sets = [{kept.index(number): float(factor)} for number, values in factors.items() for factor in values]
-        sums = self._sums(with_causes(self.record, kept), sets)
-        result, at = {}, 0
-        for number, values in factors.items():
-            result[number] = Profile(np.asarray(values, dtype=float), tuple(sums[at : at + len(values)]))
+        kept = list(present(self.record))
+        at_start = {kept[number] for number in at_start_alone(self._own)}
+        passing = [number for number in factors if number in kept and number not in at_start]
+        result = {number: self._of_start(kept.index(number), factors[number]) for number in at_start & factors.keys()}
+        result |= self._whitened(self._own, {kept.index(number): factors[number] for number in passing}, passing)
+        for number in factors.keys() - {*kept}:
+            cause, record = self._missing[number]
+            result |= self._whitened(record, {cause: factors[number]}, [number])
+        return {number: result[number] for number in factors}
+
+    def _whitened(
+        self, record: FilteredRecord, factors: Mapping[int, Array], numbers: Iterable[int]
+    ) -> dict[int, Profile]:
+        """Compute profiles by passes over the record, under the numbers of causes."""
+        sets = [{cause: float(factor)} for cause, values in factors.items() for factor in values]
+        if not sets:
+            return {}
+        sums, at, result = self._summed(record, self._measured, sets), 0, {}
+        for number, values in zip(numbers, factors.values(), strict=True):
+            result[number] = Profile(np.asarray(values, dtype=float), sums.chosen(np.arange(at, at + len(values))))
             at += len(values)
         return result
 
-    def _sums(self, record: FilteredRecord, sets: Sequence[Mapping[int, float]]) -> list[Sums]:
-        units = [np.eye(len(record.mean))[:, offset.states] for offset in record.offsets]
-        columns = beside([less_mean(record, recorded(record)), *(respond(record, unit) for unit in units)])
-        columns, plain = without_corrections(record, columns), replace(record, mean=np.zeros_like(record.mean))
-        result = []
+    def _of_start(self, cause: int, factors: Array) -> Profile:
+        """Compute the profile of a size of errors at the start from the sums with the campaign's sizes."""
+        _, correlations, causes = sources_at_start(self._own)
+        sums, count = self._with_start, len(self._errors)
+        scales = np.where(causes == cause, factors[:, None], 1.0)
+        kernel, grown = rescale_start(sums.information[0, count:, count:], correlations, scales)
+        products, cross = sums.products[0, count:], sums.information[0, count:, :count]
+        return Profile(factors, Sums(
+            sums.totals - np.einsum("a,fab,b->f", products, kernel, products) + grown,
+            sums.products[:, :count] - np.einsum("ac,fab,b->fc", cross, kernel, products),
+            sums.information[:, :count, :count] - np.swapaxes(cross, -1, -2) @ kernel @ cross,
+        ))  # fmt: skip
+
+    def _refined(self, profiles: Mapping[int, Profile], factors: Mapping[int, Array]) -> dict[int, Profile]:
+        finer = self._profiles({number: values for number, values in factors.items() if len(values)})
+        return {number: merged(profile, finer.get(number)) for number, profile in profiles.items()}
+
+    def _summed(self, record: FilteredRecord, columns: Innovations, sets: Sequence[Mapping[int, float]]) -> Sums:
+        """Whiten the first column and the others, the responses, with each set of sizes, and sum."""
+        plain, totals, matrices = without_mean(record), [], []
         for begin in range(0, len(sets), BATCH):
             some = sets[begin : begin + BATCH]
             total, matrix = np.zeros(len(some)), np.zeros((len(some), len(columns), len(columns)))
             for whitened, log_determinants in whiten(plain, columns, some):
                 total += log_determinants
                 matrix += np.swapaxes(whitened, -1, -2) @ whitened
-            result += [
-                Sums(float(logarithm + grid[0, 0]), grid[1:, 0], grid[1:, 1:])
-                for logarithm, grid in zip(total, matrix, strict=True)
-            ]
-        return result
+            totals.append(total + matrix[:, 0, 0])
+            matrices.append(matrix)
+        grids = np.concatenate(matrices)
+        return Sums(np.concatenate(totals), grids[:, 1:, 0], grids[:, 1:, 1:])

@@ -9,12 +9,13 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord
-from mcnav.judgement.assessment import FACTORS, LEVEL, SHARE, Assessment, Tell, assess
-from mcnav.judgement.findings import Again, CauseVerdict, Finding, OffsetVerdict, find_numbers
-from mcnav.judgement.likelihood import estimate_factor
+from mcnav.judgement.assessment import LEVEL, assess
+from mcnav.judgement.findings import Again, CauseVerdict, Changes, Finding, OffsetVerdict, find_numbers
+from mcnav.judgement.numbers import list_numbers, with_intervals
 from mcnav.judgement.reduction import present, with_causes
 from mcnav.judgement.simulation import Innovations, beside, recorded, simulate
 from mcnav.judgement.statistics import SensorStatistics, mean_nees, sensor_statistics
+from mcnav.judgement.whitened_records import Tell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -157,54 +158,26 @@ def judge(
         Takes the filter through the record again, its sensors' stamps moved back by delays, s; without it a delay is
         known to first order.
     """
-    of_campaign = with_causes(record, present(record))
+    own = present(record)
+    of_campaign = with_causes(record, own)
     given = recorded(of_campaign)
     assessment = assess(of_campaign, given, count, trials, seed, tell)
-    causes = _causes(of_campaign, given, assessment)
-    offsets = _offsets(of_campaign, assessment)
+    causes, offsets = list_numbers(of_campaign, assessment)
     probability = float(assessment.probability(assessment.scores.max(axis=0))[0])
-    findings = find_numbers(record, (*causes, *offsets), (count, seed), again) if probability <= LEVEL else ()
+    drops = dict(zip(own, assessment.drops.tolist(), strict=True))
+    findings: tuple[Finding, ...] = ()
+    changes = Changes(record)
+    if probability <= LEVEL:
+        findings, changes = find_numbers(record, (*causes, *offsets), (count, seed), again, drops)
+    many, foremost = len(record.stages) > MANY_STAGES, int(assessment.foremost[0])
+    wanted = {number: drop for place, (number, drop) in enumerate(drops.items()) if not many or place == foremost}
+    causes, offsets = with_intervals(causes, offsets, findings, changes, wanted)
     simulated = simulate(of_campaign, count, np.random.default_rng((seed, 1)))
     sensors, nees = _of_filter(of_campaign, beside([given, simulated]))
     return Judgement(
         record.duration, len(record.stages), count, probability, findings, sensors, nees, causes, offsets,
         record.notes, simulated.errors.std(axis=2),
     )  # fmt: skip
-
-
-def _causes(record: FilteredRecord, given: Innovations, assessment: Assessment) -> tuple[CauseVerdict, ...]:
-    critical = assessment.critical
-    foremost = int(assessment.foremost[0])
-    result = []
-    for number, cause in enumerate(record.causes):
-        factor = None
-        if len(record.stages) <= MANY_STAGES or number == foremost:
-            factor = estimate_factor(record, given, number, float(assessment.drops[number]))
-        found = np.mean(assessment.power[number] > critical, axis=-1)
-        named = np.mean((assessment.power[number] > critical) & (assessment.named[number] == number), axis=-1)
-        noticed = next((size for size, share in zip(FACTORS, found, strict=True) if share >= SHARE), None)
-        verdict = CauseVerdict(
-            cause.name, cause.key, cause.size, cause.unit, cause.shown_in, factor, float(assessment.gains[number, 0]),
-            noticed, tuple(found.tolist()), tuple(named.tolist()), cause.log_factor,
-        )  # fmt: skip
-        result.append(verdict)
-    return tuple(result)
-
-
-def _offsets(record: FilteredRecord, assessment: Assessment) -> tuple[OffsetVerdict, ...]:
-    result = []
-    gains = assessment.gains[len(record.causes) :, 0]
-    for number, offset in enumerate(record.offsets):
-        estimate, covariance = assessment.offsets[number]
-        result.append(
-            OffsetVerdict(
-                offset.name, offset.key, offset.axes, offset.unit, offset.shown_in, tuple(estimate[:, 0].tolist()),
-                tuple(np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()),
-                None if offset.used is None else tuple(offset.used.tolist()), float(gains[number]),
-                tuple(assessment.sensitivity[number].tolist()),
-            )
-        )  # fmt: skip
-    return tuple(result)
 
 
 def _of_filter(record: FilteredRecord, both: Innovations) -> tuple[tuple[SensorVerdict, ...], tuple[NeesVerdict, ...]]:

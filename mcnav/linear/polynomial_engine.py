@@ -77,11 +77,15 @@ def engine_names(scenario: Scenario) -> tuple[str, ...]:
     return scenario.engines if stochastic else (*scenario.engines, MAP)
 
 
+def exact_name(scenario: Scenario, engine: str) -> str:
+    """Return the name of the engine behind one of `engine_names`: a polynomial is fitted to the default."""
+    return scenario.engines[0] if engine == MAP else engine
+
+
 def prepare_engine(scenario: Scenario, engine: str, probes: Array, mean: Array, standard_deviations: Array) -> Engine:
     """Prepare one of `engine_names` for errors of given means and standard deviations, shape (sources,), SI.
 
     For the probes see `mcnav.contract.scenario.Scenario.engine`, for what is raised `fit_polynomial_engine`.
     """
-    if engine != MAP:
-        return ready_engine(scenario, engine, probes)
-    return fit_polynomial_engine(ready_engine(scenario, scenario.engines[0], probes), mean, standard_deviations)
+    exact = ready_engine(scenario, exact_name(scenario, engine), probes)
+    return fit_polynomial_engine(exact, mean, standard_deviations) if engine == MAP else exact

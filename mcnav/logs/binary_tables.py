@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from mcnav.errors import reason_of
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.text_tables import MOST_ROWS, column_values
-from mcnav.physics.units import printable
 
 
 def open_parquet(path: Path) -> LogTable:
@@ -21,7 +21,7 @@ def open_parquet(path: Path) -> LogTable:
     try:
         file = pq.ParquetFile(path)
     except (OSError, ValueError, pa.ArrowException) as failure:
-        raise LogError(path, f"is no parquet file that can be read: {_reason(failure)}") from None
+        raise LogError(path, f"is no parquet file that can be read: {reason_of(failure)}") from None
     if not (rows := file.metadata.num_rows):
         raise LogError(path, "has no rows")
     if rows > MOST_ROWS:
@@ -32,7 +32,7 @@ def open_parquet(path: Path) -> LogTable:
             table = file.read(columns=list(names))
             return {name: column_values(table[name]) for name in names}
         except (OSError, ValueError, pa.ArrowException) as failure:
-            raise LogError(path, f"is no parquet file that can be read: {_reason(failure)}") from None
+            raise LogError(path, f"is no parquet file that can be read: {reason_of(failure)}") from None
 
     return LogTable(path, tuple(file.schema_arrow.names), read)
 
@@ -51,7 +51,7 @@ def open_mat(path: Path) -> LogTable:
     try:
         content = loadmat(path, squeeze_me=False, struct_as_record=False, simplify_cells=True)
     except Exception as failure:  # scipy raises many types for damaged files
-        raise LogError(path, f"is no MATLAB file that can be read: {_reason(failure)}") from None
+        raise LogError(path, f"is no MATLAB file that can be read: {reason_of(failure)}") from None
     columns: dict[str, Values] = {}
     _add_variables(columns, "", content)
     if not columns:
@@ -79,7 +79,3 @@ def _add_variables(columns: dict[str, Values], prefix: str, content: Mapping[str
         rows = array if array.shape[0] >= array.shape[1] else array.T
         for place in range(rows.shape[1]):
             columns[f"{prefix}{name}_{place + 1}"] = np.ascontiguousarray(rows[:, place])
-
-
-def _reason(failure: Exception) -> str:
-    return printable(str(failure).splitlines()[0] if str(failure) else type(failure).__name__, 200)

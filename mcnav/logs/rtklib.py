@@ -14,6 +14,7 @@ import numpy as np
 
 from mcnav.arrays.products import transformed_variances
 from mcnav.arrays.types import Array
+from mcnav.files.whole import is_number
 from mcnav.logs.geodetic import from_earth_fixed, north_east_down
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values, table_of
@@ -78,17 +79,9 @@ def _numbers(path: Path, name: str, cells: Sequence[str]) -> Array:
     try:
         return np.array(cells, dtype=float)
     except ValueError:
-        row = next(row for row, cell in enumerate(cells) if not _is_number(cell))
+        row = next(row for row, cell in enumerate(cells) if not is_number(cell))
         came = f"got '{printable(cells[row], 40)}'; expected a number"
         raise LogError(path, came, f"row {row + 1}, {name}") from None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _times(path: Path, scale: str, cells: Sequence[Sequence[str]]) -> Array:

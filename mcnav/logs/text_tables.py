@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from mcnav.files.parquet import numbers_in
+from mcnav.files.whole import is_number
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values
 from mcnav.physics.units import printable
@@ -93,7 +94,7 @@ def _layout(path: Path, beginning: bytes) -> Layout:
                 named = _cells(written[comment.end() :])[0] or named
             continue
         cells, delimiter, decimal = _row(written)
-        if 2 * sum(map(_is_number, cells)) > len(cells):  # most of them: a row may hold a date, too
+        if 2 * sum(map(is_number, cells)) > len(cells):  # most of them: a row may hold a date, too
             headless = named is None or len(named) != len(cells)
             names = tuple(str(place + 1) for place in range(len(cells))) if headless or named is None else named
             return Layout(_distinct(path, names), delimiter, skipped, cells, headless, decimal)
@@ -145,7 +146,7 @@ def _row(line: str) -> tuple[tuple[str, ...], str, str]:
 
 def _with_comma(cell: str) -> bool:
     """Tell whether a cell is a number whose decimals, if there are any, follow a comma, or no number."""
-    return "." not in cell and cell.count(",") <= 1 and (_is_number(cell.replace(",", ".")) or "," not in cell)
+    return "." not in cell and cell.count(",") <= 1 and (is_number(cell.replace(",", ".")) or "," not in cell)
 
 
 def _distinct(path: Path, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -170,14 +171,6 @@ def _split(line: str, delimiter: str) -> tuple[str, ...]:
         return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))
     except (csv.Error, StopIteration):
         return (line.strip(),)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text
 
 
 class _SingleBlanks(io.RawIOBase):
@@ -241,7 +234,7 @@ def _read(path: Path, layout: Layout, names: Sequence[str]) -> Mapping[str, Valu
         cell = layout.first[place]
         if INTEGER.fullmatch(cell):
             types[str(place)] = pa.int64()
-        elif _is_number(cell) or not cell:
+        elif is_number(cell) or not cell:
             types[str(place)] = pa.float64()
     convert = arrow.ConvertOptions(
         include_columns=[str(place) for place in places], column_types=types, decimal_point=layout.decimal
@@ -293,7 +286,7 @@ def _why(path: Path, layout: Layout, places: Sequence[int], reason: str) -> LogE
                 return LogError(path, message, f"row {row}")
             for place in places:
                 number = cells[place].replace(",", ".") if layout.decimal == "," else cells[place]
-                if cells[place] and not _is_number(number) and _is_number(layout.first[place]):
+                if cells[place] and not is_number(number) and is_number(layout.first[place]):
                     came = f"got '{printable(cells[place], 40)}'; expected a number"
                     return LogError(path, came, f"row {row}, {layout.names[place]}")
     return LogError(path, f"is no table of numbers: {printable(reason.splitlines()[0], 200)}")

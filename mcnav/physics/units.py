@@ -335,8 +335,8 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
     if not isinstance(text, str):
         raise UnitError(f"got {_described(text)}; {expected}")
     match = _QUANTITY.fullmatch(text)
-    if match is None:
-        raise UnitError(f"got {_quoted(text)}; {expected}")
+    if match is None or ".." in text:
+        raise UnitError(f"got {_quoted(text)}{', a range' if '..' in text else ''}; {expected}")
     number, name = float(match[1]), match[2]
     if not name and unit != "1":
         raise UnitError(f"got {_quoted(text)} without a unit; {expected}")

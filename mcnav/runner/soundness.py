@@ -8,7 +8,7 @@ from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.members import ready_engine
 from mcnav.contract.scenario import Scenario, runs_user_code
-from mcnav.runner.draws import DrawPlan
+from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.user.noise_soundness import find_unsettled_noise
 from mcnav.systems.user.scenario import is_users
 from mcnav.systems.user.soundness import Unsettled, find_unsettled
@@ -29,15 +29,15 @@ def isolated(scenario: Scenario, engine: Engine, timeout: float | None) -> Engin
     return isolated_engine(engine, len(scenario.outputs), timeout)
 
 
-def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: float | None) -> Unsettled | None:
+def find_doubt(scenario: Scenario, engine: Engine, errors: ErrorModel, tolerance: float) -> Unsettled | None:
     """Find out why a user's own scenario has no linear model; none where it has one, and for other scenarios.
 
     Parameters
     ----------
+    engine : Engine
+        That of `exact_engine`.
     tolerance : float
         Relative difference between linear analysis and Monte Carlo that the campaign tolerates.
-    timeout : float or None
-        Time limit of one sample, s.
 
     Raises
     ------
@@ -46,8 +46,6 @@ def find_doubt(scenario: Scenario, draws: DrawPlan, tolerance: float, timeout: f
     """
     if not is_users(scenario):
         return None
-    errors = draws.errors
-    engine = exact_engine(scenario, draws.probes(), timeout)
     varied = np.asarray((errors.standard_deviations > 0.0) | (errors.mean != 0.0))
     doubt = find_unsettled(scenario, without_noise(engine), varied, tolerance)
     if doubt is None and is_users_with_noise(scenario):

@@ -14,24 +14,28 @@ from mcnav.statistics.whitening import Whitening
 STRETCH: Final = 32_768
 """Samples of a stretch; ten columns take 2.6 MB."""
 
+MOST_NUMBERS: Final = 4_194_304
+"""Numbers of a stretch with many columns, 34 MB."""
+
 
 def stretches(samples: int) -> Iterator[slice]:
     """Slice samples into stretches of `STRETCH`, in order."""
     return (slice(begin, begin + STRETCH) for begin in range(0, samples, STRETCH))
 
 
-def stretches_of_blocks(begins: IndexArray, samples: int) -> Iterator[tuple[slice, slice]]:
+def stretches_of_blocks(begins: IndexArray, samples: int, columns: int = 1) -> Iterator[tuple[slice, slice]]:
     """Slice samples into stretches of whole blocks, of about `STRETCH` samples each, in order.
 
-    The blocks are given by the first sample of each; yields the samples and the blocks of each stretch.
+    With many columns they have about `MOST_NUMBERS` numbers. The blocks are given by the first sample of each; yields
+    the samples and the blocks of each stretch.
 
     >>> [(rows.stop, own.stop) for rows, own in stretches_of_blocks(np.array([0, 30_000, 60_000]), 90_000)]
     [(30000, 1), (60000, 2), (90000, 3)]
     """
-    ends = np.append(begins[1:], samples)
+    ends, length = np.append(begins[1:], samples), min(STRETCH, MOST_NUMBERS // columns)
     first = 0
     while first < len(begins):
-        last = max(int(np.searchsorted(ends, begins[first] + STRETCH, side="right")), first + 1)
+        last = max(int(np.searchsorted(ends, begins[first] + length, side="right")), first + 1)
         yield slice(int(begins[first]), int(ends[last - 1])), slice(first, last)
         first = last
 

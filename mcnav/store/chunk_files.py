@@ -19,29 +19,12 @@ from pydantic import Field
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.failure import OK, Failure
 from mcnav.files.parquet import arrow_array, arrow_texts, numbers_in, parquet_bytes, repeated_text
+from mcnav.files.parquet_reading import LARGEST_TABLE, read_table, table_from
 from mcnav.files.whole import read_whole, write_whole
-from mcnav.physics.units import printable
 
 _TEXT: Final = ("status",)
 STATUS: Final = 1
 """Number of the column of texts."""
-
-LARGEST_CHUNK: Final = 500_000_000
-"""Bytes of a file, and of the table in it."""
-
-MOST_EXPANSION: Final = 100
-"""Bytes of numbers for each byte of a file; numbers that are all the same are packed closest."""
-
-ROOM: Final = 100_000_000
-"""Bytes that any file may expand to."""
-
-MOST_TEXT: Final = 250_000_000
-"""Bytes of the texts of a file."""
-
-MOST_PARTS: Final = 1_000
-"""Row groups of a file; those that are written here have a million rows."""
-
-CLAIMS: Final = "it claims to hold more than there is room for"
 
 MOST_TRACEBACKS: Final = 500_000
 """Characters of tracebacks that a file has; beyond it a failed sample has its reason, and can be replayed."""
@@ -232,93 +215,6 @@ def tracebacks_in(table: pa.Table) -> dict[int, str]:
         return {}
 
 
-def table_from(content: bytes, rows: int | None = None, text: int | None = None) -> pa.Table:
-    """Read a parquet file with its checksums verified, unless it holds much more than it is long.
-
-    Texts are read as the file has them, each once, and repeated only where there is room. Metadata of single columns
-    are left alone: Arrow ends the process where they are damaged.
-
-    Parameters
-    ----------
-    rows : int, optional
-        Number of rows that the file must have.
-    text : int, optional
-        Number of the only column of texts; where it is not known, the file is opened twice.
-
-    Raises
-    ------
-    ValueError, OSError, pyarrow.ArrowException
-        When the file cannot be read, has another number of rows, or other columns of texts.
-    """
-    file = _opened(content, None, [] if text is None else [text])
-    described, schema = file.metadata, file.schema_arrow
-    kinds = {field.type for field in schema}
-    if any(map(pa.types.is_nested, kinds)):
-        nested = [field.name for field in schema if pa.types.is_nested(field.type)]
-        raise ValueError(f"its column {printable(nested[0])!r} has lists or tables in it")
-    if rows is not None and described.num_rows != rows:
-        raise ValueError(f"it has {described.num_rows} rows, not {rows}")
-    check_room(described, len(content))
-    if any(map(_is_text, kinds)):
-        texts = [field.name for field in schema if _is_text(field.type)]
-        if text is not None:
-            raise ValueError(f"its column {printable(texts[0])!r} has texts in it")
-        file = _opened(content, described, texts)
-    # threads of Arrow that have just begun abort a process that ends, as one does that refuses another file
-    table, room = file.read(use_threads=False), MOST_TEXT
-    for place, field in enumerate(table.schema):
-        if pa.types.is_dictionary(field.type) and _is_text(field.type.value_type):
-            column, taken = _repeated(table.column(place), field.type.value_type, room)
-            room -= taken
-            table = table.set_column(place, field.with_type(field.type.value_type), column)
-    return table
-
-
-def _opened(content: bytes, described: pq.FileMetaData | None, texts: Sequence[int | str]) -> pq.ParquetFile:
-    source = pa.BufferReader(content)
-    return pq.ParquetFile(source, metadata=described, page_checksum_verification=True, read_dictionary=texts)
-
-
-def _is_text(kind: pa.DataType) -> bool:
-    return any(test(kind) for test in (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary))
-
-
-def _repeated(column: pa.ChunkedArray, kind: pa.DataType, room: int) -> tuple[pa.Array, int]:
-    """Return the texts of a column that has each once in its dictionaries, and their bytes.
-
-    Raises `ValueError` where they take more than there is room for.
-    """
-    texts, taken = list[Any](), 0
-    for chunk in column.chunks:
-        known = chunk.dictionary.to_pylist()
-        if len(known) == 1 and not chunk.null_count and column.num_chunks == 1 and pa.types.is_string(kind):
-            taken = len(known[0].encode()) * len(chunk)
-            if taken <= room:
-                return repeated_text(known[0], len(chunk)), taken
-        places = chunk.indices.to_pylist()
-        counts = np.bincount([place for place in places if place is not None], minlength=len(known))
-        taken += sum(len(text) * int(count) for text, count in zip(known, counts, strict=True) if text is not None)
-        if taken > room:
-            raise ValueError(CLAIMS)
-        texts += [None if place is None else known[place] for place in places]
-    plain = pa.types.is_string(kind) and None not in texts
-    return (arrow_texts(texts) if plain else pa.array(texts, kind)), taken
-
-
-def check_room(described: pq.FileMetaData, size: int, most: int = LARGEST_CHUNK) -> None:
-    """Raise `ValueError` when a file of so many bytes claims to hold more than there is room for.
-
-    Numbers that a dictionary holds once are counted as often as they occur. What is read part by part takes long when
-    these are many.
-    """
-    if described.num_row_groups > MOST_PARTS:
-        raise ValueError(f"it is in {described.num_row_groups:,} parts")
-    claimed = sum(described.row_group(number).total_byte_size for number in range(described.num_row_groups))
-    claimed = max(claimed, 8 * described.num_rows * described.num_columns)
-    if claimed > min(MOST_EXPANSION * size + ROOM, most):
-        raise ValueError(CLAIMS)
-
-
 def verify_chunk(folder: Path, number: int, identity: str, stored_rows: int | None = None) -> ChunkFile | None:
     """Return a chunk's file when it is undamaged and of this run.
 
@@ -327,7 +223,7 @@ def verify_chunk(folder: Path, number: int, identity: str, stored_rows: int | No
     ``stored_rows``, and states in its metadata which samples it summarizes and how many of them failed.
     """
     try:
-        content = read_whole(folder / chunk_name(number), LARGEST_CHUNK)
+        content = read_whole(folder / chunk_name(number), LARGEST_TABLE)
         table = table_from(content, text=STATUS)
         marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
         whole = _is_as_written(content, table, marks)
@@ -356,14 +252,14 @@ def identities_in(folder: Path) -> set[str]:
 def identity_in(path: Path) -> str | None:
     """Read the digest of the run that a chunk's file is of, unverified; none where it cannot be read."""
     with suppress(OSError, pa.ArrowException, ValueError, KeyError):
-        marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_CHUNK))).metadata or {}
+        marks = pq.read_schema(io.BytesIO(read_whole(path, LARGEST_TABLE))).metadata or {}
         return str(marks[b"mcnav.identity"], "utf-8")
     return None
 
 
 def rewrite_marks(folder: Path, file: ChunkFile, change: Callable[[dict[str, str]], dict[str, str]]) -> ChunkFile:
     """Write a verified chunk again with other metadata, whole or not at all; its rows stay as they are."""
-    table = table_from(read_whole(folder / file.file, LARGEST_CHUNK), text=STATUS)
+    table = read_table(folder / file.file, text=STATUS)
     marks = change({key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()})
     marks[CHECKSUM] = _checksum_of(marks)
     content = parquet_bytes(table.replace_schema_metadata(marks), _TEXT)
@@ -374,13 +270,6 @@ def rewrite_marks(folder: Path, file: ChunkFile, change: Callable[[dict[str, str
 def _described(number: int, begin: int, count: int, failed: int, fallback_count: int, content: bytes) -> ChunkFile:
     digest = hashlib.sha256(content).hexdigest()
     return ChunkFile(chunk_name(number), begin, begin + count, failed, fallback_count, digest)
-
-
-def in_order(table: pa.Table, begin: int = 0) -> bool:
-    """Return whether a table holds samples in order of index from the first on, each with a status."""
-    index, status = table.column("index"), table.column("status")
-    whole = pa.types.is_integer(index.type) and pa.types.is_string(status.type) and status.null_count == 0
-    return whole and np.array_equal(numbers_in(index), np.arange(begin, begin + len(table)))
 
 
 def samples_from(table: pa.Table, layout: SampleSchema) -> Samples:
@@ -398,10 +287,15 @@ def room_for(count: int, layout: SampleSchema) -> Samples:
     return Samples(np.empty(count, dtype=np.int64), [OK] * count, *blocks)
 
 
-def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> None:
-    """Put the samples of a table among others, from a row on."""
-    rows = slice(row, row + len(table))
-    samples.index[rows] = numbers_in(table.column("index"))
+def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> bool:
+    """Put the samples of a table among others, from a row on.
+
+    Returns whether they are in order of index from that number on, each with a status.
+    """
+    index, status = table.column("index"), table.column("status")
+    whole = pa.types.is_integer(index.type) and pa.types.is_string(status.type) and status.null_count == 0
+    first, rows = row, slice(row, row + len(table))
+    samples.index[rows] = numbers_in(index)
     blocks = (
         (samples.errors, layout.errors),
         (samples.outputs, layout.outputs),
@@ -411,7 +305,8 @@ def put(table: pa.Table, layout: SampleSchema, samples: Samples, row: int) -> No
     for array, names in blocks:
         for column, name in zip(array.T, names, strict=True):
             column[rows] = numbers_in(table.column(name))
-    for chunk in table.column("status").chunks:
+    for chunk in status.chunks:
         if not chunk.equals(repeated_text(OK, len(chunk))):
             samples.status[row : row + len(chunk)] = chunk.to_pylist()
         row += len(chunk)
+    return whole and np.array_equal(samples.index[rows], np.arange(first, first + len(table)))

@@ -15,9 +15,9 @@ import pyarrow as pa
 
 from mcnav.arrays.types import Array
 from mcnav.files.parquet import arrow_array, arrow_texts, numbers_in, parquet_bytes
+from mcnav.files.parquet_reading import table_from
 from mcnav.files.records import Json
 from mcnav.files.whole import to_json
-from mcnav.store.chunk_files import table_from
 from mcnav.store.manifest import ModelRecord, PartialsRecord
 
 OUTPUT: Final = "output"

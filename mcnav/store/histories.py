@@ -22,8 +22,9 @@ from mcnav.contract.history import Epochs
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.files.parquet import arrow_table, numbers_in, parquet_bytes
+from mcnav.files.parquet_reading import check_room
 from mcnav.files.whole import check_regular
-from mcnav.store.chunk_files import ChunkFile, check_room
+from mcnav.store.chunk_files import ChunkFile
 
 MARK: Final = "mcnav.histories"
 SMOOTHED_MARK: Final = "mcnav.smoothed"

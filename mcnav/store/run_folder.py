@@ -30,18 +30,15 @@ from mcnav.arrays.types import Array
 from mcnav.contract.history import NOMINAL_FLIGHT, History, Panel
 from mcnav.entries.inputs import InputFile
 from mcnav.errors import RunFolderBusy, RunFolderError
-from mcnav.files.parquet import arrow_table, numbers_in, parquet_bytes
+from mcnav.files.parquet import arrow_table, columns_in, parquet_bytes
+from mcnav.files.parquet_reading import LARGEST_TABLE, MOST_EXPANSION, read_table, table_from
 from mcnav.files.whole import INPUTS, is_temporary, read_whole, to_json, write_whole
 from mcnav.store.chunk_files import (
-    LARGEST_CHUNK,
-    MOST_EXPANSION,
     STATUS,
     ChunkFile,
     Samples,
-    in_order,
     put,
     room_for,
-    table_from,
 )
 from mcnav.store.development import development_in, development_table
 from mcnav.store.histories import first_histories
@@ -164,17 +161,6 @@ class RunFolder:
                 raise ValueError("its checksum differs")
             return development_in(content, model)
 
-    def write_manifest(self, manifest: Manifest) -> None:
-        """Write the manifest with a checksum of itself, and before it the file of partial derivatives over time."""
-        content, known = manifest.to_json(), manifest.model.development
-        if known is not None:
-            table = development_table(manifest.model, known)
-            self.write(DEVELOPMENT, table)
-            content["model"]["development_sha256"] = hashlib.sha256(table).hexdigest()
-        text = as_text(content | {"checksum": json_digest(content)})
-        self.write(MANIFEST, text)
-        remember_whole(text)
-
     def summary(self) -> dict[str, Any]:
         """Read the analysed results; `RunFolderError` when there are none, or they are not those of the run."""
         self.manifest()  # all of it is checked, also what the summary does not repeat
@@ -209,9 +195,8 @@ class RunFolder:
         RunFolderError
             When an input has changed meanwhile, or the disk refuses a file.
         """
-        self.write_manifest(manifest)  # first: a folder with the user's code but no manifest would not be a run's
-        self.write(HISTORY, history_table(history))
-        for name, content in files.items():
+        # the manifest first: a folder with the user's code but no manifest would not be a run's
+        for name, content in {**_manifest_files(manifest), HISTORY: history_table(history), **files}.items():
             self.write(name, content)
         for file in inputs:
             if file.size <= LARGEST_COPY:
@@ -219,9 +204,8 @@ class RunFolder:
 
     def finish(self, manifest: Manifest, files: Mapping[str, bytes]) -> None:
         """Write files by name, then the manifest of the complete run."""
-        for name, content in files.items():
+        for name, content in {**files, **_manifest_files(manifest)}.items():
             self.write(name, content)
-        self.write_manifest(manifest)
 
     def copy_of(self, record: FileRecord) -> Path | None:
         """Return the copy of a file that a manifest lists; none when there is none with that content."""
@@ -296,7 +280,7 @@ class RunFolder:
         layout = manifest.sample_schema
         begins = list(accumulate((_rows_of(chunk, stored_rows) for chunk in chunks), initial=0))
         columns = sum(map(len, (layout.errors, layout.outputs, layout.linear, layout.filter))) + 2
-        room = LARGEST_CHUNK + sum(min(MOST_EXPANSION * result.stat().st_size, LARGEST_CHUNK) for result in present)
+        room = LARGEST_TABLE + sum(min(MOST_EXPANSION * result.stat().st_size, LARGEST_TABLE) for result in present)
         if 8 * begins[-1] * columns > room and len(present) >= len(chunks):
             raise ValueError("it claims to have more samples than there is room for")
         samples = room_for(begins[-1], layout)
@@ -304,8 +288,7 @@ class RunFolder:
         def read(chunk: ChunkFile, begin: int) -> bool:
             table = _verified(folder / chunk.file, chunk, stored_rows)
             try:
-                put(table, layout, samples, begin)
-                return in_order(table, begin)
+                return put(table, layout, samples, begin)
             except (pa.ArrowException, KeyError, TypeError, ValueError):
                 raise RunFolderError(f"{folder / chunk.file}: does not have this run's columns") from None
 
@@ -322,7 +305,7 @@ class RunFolder:
     def history(self) -> History:
         """Read the history of the truth; `RunFolderError` when it cannot be read."""
         with _reading(self.path / HISTORY, "is missing or damaged"):
-            table = table_from(read_whole(self.path / HISTORY, LARGEST_JSON))
+            table = read_table(self.path / HISTORY, LARGEST_JSON)
             marks = table.schema.metadata or {}
             events, described = json.loads(marks[b"mcnav.events"]), json.loads(marks[b"mcnav.panels"])
             panels = tuple(
@@ -330,7 +313,7 @@ class RunFolder:
             )
             outages = json.loads(marks.get(b"mcnav.outages", b"{}"))
             title = marks.get(b"mcnav.title", NOMINAL_FLIGHT.encode()).decode()
-            return check_history(History(_columns(table), events, panels, outages, title))
+            return check_history(History(columns_in(table), events, panels, outages, title))
 
     def epochs(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """Read the columns of ``epochs.parquet`` and its description; none where the run has none.
@@ -341,8 +324,8 @@ class RunFolder:
         if not path.exists():
             return None
         with _reading(path, "is damaged"):
-            table = table_from(read_whole(path, LARGEST_JSON))
-            return _columns(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
+            table = read_table(path, LARGEST_JSON)
+            return columns_in(table), json.loads((table.schema.metadata or {})[b"mcnav.epochs"])
 
     def histories(
         self, samples: int, expected: Sequence[str] | None = None, name: str = HISTORIES
@@ -376,6 +359,17 @@ class RunFolder:
             return first_histories(path, samples, expected)
 
 
+def _manifest_files(manifest: Manifest) -> dict[str, bytes]:
+    """Return the manifest, with a checksum of itself, after the file of partial derivatives over time."""
+    content, known = manifest.to_json(), manifest.model.development
+    files = {} if known is None else {DEVELOPMENT: development_table(manifest.model, known)}
+    for table in files.values():
+        content["model"]["development_sha256"] = hashlib.sha256(table).hexdigest()
+    text = as_text(content | {"checksum": json_digest(content)})
+    remember_whole(text)
+    return {**files, MANIFEST: text}
+
+
 def history_table(history: History) -> bytes:
     """Tabulate a history of the truth; events, panels and outages are metadata."""
     marks = {
@@ -387,10 +381,6 @@ def history_table(history: History) -> bytes:
     if history.outages:
         marks["mcnav.outages"] = json.dumps(dict(history.outages))
     return parquet_bytes(arrow_table(history.columns).replace_schema_metadata(marks))
-
-
-def _columns(table: pa.Table) -> dict[str, Array]:
-    return {name: numbers_in(table.column(name)) for name in table.column_names}
 
 
 def _content_of(file: InputFile) -> bytes:
@@ -414,7 +404,7 @@ def _refuse_strangers(present: Sequence[Path], listed: Set[str]) -> None:
 def _verified(path: Path, chunk: ChunkFile, stored_rows: int | None) -> pa.Table:
     """Read the samples of one chunk."""
     try:
-        content = read_whole(path, LARGEST_CHUNK)
+        content = read_whole(path, LARGEST_TABLE)
     except OSError as failure:
         raise RunFolderError(f"{path}: cannot be read: {failure.strerror or failure}; run the campaign again") from None
     if hashlib.sha256(content).hexdigest() != chunk.sha256:

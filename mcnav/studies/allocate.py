@@ -17,6 +17,7 @@ from functools import partial
 from itertools import combinations, compress
 from math import comb
 from pathlib import Path
+from time import perf_counter
 from typing import Final
 
 from mcnav.analysis.allocation import Allocation, GradeChange, GradeMove, GradeSearch, worst_of
@@ -33,7 +34,9 @@ from mcnav.report.pages import allocate as tables
 from mcnav.runner.executors import JOBS
 from mcnav.statistics.demonstration import runs_to_show
 from mcnav.studies.allocated_numbers import find_goals
+from mcnav.studies.allocation_examination import examine_allocation
 from mcnav.studies.confirmed_changes import ConfirmationPlan, confirm_goal, confirm_grades
+from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.simulated_campaigns import samples_of
 from mcnav.studies.variations import Variations
 from mcnav.systems.ins.tables.imu_catalogue import INSTABILITY
@@ -56,7 +59,7 @@ Move = tuple[DataSheetNumber, GradedValue]
 
 def allocate(
     campaign: Description, progress: Progress = SILENT, confirm: int = CONFIRMED,
-    basis: Basis | None = None, jobs: int = JOBS, samples: int | None = None,
+    basis: Basis | None = None, jobs: int = JOBS, samples: int | None = None, examine: bool | None = None,
 ) -> Allocation:  # fmt: skip
     """Find the numbers of a campaign's data sheet with which its requirements are just met.
 
@@ -80,6 +83,9 @@ def allocate(
     samples : int, optional
         Samples of a simulation, by default those of the campaign, at most
         `mcnav.studies.simulated_campaigns.MOST_SAMPLES`.
+    examine : bool, optional
+        Whether flights examine changes that no samples confirm; by default, of linear analysis alone, where that takes
+        less than the answers.
 
     Raises
     ------
@@ -87,6 +93,7 @@ def allocate(
         When the campaign has mistakes, no linear model, no requirements that linear analysis can judge, or no numbers;
         or when the simulation bounds no requirement.
     """
+    began = perf_counter()
     progress.phase(Phase.PREPARING)
     variations = Variations(document_of(campaign), progress)
     answer = variations.base
@@ -106,7 +113,9 @@ def allocate(
     if confirm:
         allocation[-1] = confirm_goal(variations, allocation[-1], plan)
         grades = None if grades is None else confirm_grades(variations, grades, judged, plan)
-    return Allocation(answer, len(variations.numbers), tuple(allocation), grades, variations.computed, basis)
+    found = Allocation(answer, len(variations.numbers), tuple(allocation), grades, variations.computed, basis)
+    asked = False if basis is not None and examine is None else examine
+    return examine_allocation(variations, found, Examiner(asked, perf_counter() - began))
 
 
 def _judged(variations: Variations) -> tuple[int, ...]:
@@ -212,10 +221,10 @@ def _irreducible(moves: Sequence[Move], meets: Callable[[Sequence[Move]], bool])
 
 def write_allocation(
     campaign: Description, path: Path, progress: Progress = SILENT, confirm: int = CONFIRMED,
-    jobs: int = JOBS,
+    jobs: int = JOBS, examine: bool | None = None,
 ) -> tuple[Allocation, list[Path]]:  # fmt: skip
     """Write the allocation of a campaign as ``allocate.json`` and a page; see `allocate`."""
-    allocations = allocate(campaign, progress, confirm, jobs=jobs)
+    allocations = allocate(campaign, progress, confirm, jobs=jobs, examine=examine)
     progress.phase(Phase.REPORTING)
     files = {FILE: indented_json(to_json(tables.table(allocations))) + "\n", PAGE: page_html(tables.page(allocations))}
     return allocations, write_texts(path, files)

@@ -49,7 +49,8 @@ def write_brief(
     folder = RunFolder(run)
     with one_thread(), reading_file(run):
         content = analyse(folder)
-    content = replace(content, remedies=all_remedies(content, campaign, jobs, progress))
+    remedies = all_remedies(content, campaign, jobs, progress)
+    content = replace(content, remedies=None if remedies is None else remedies.advisable)
     report = run / REPORT
     links = Links(run.as_posix(), Path(os.path.relpath(report, target)).as_posix() if report.exists() else "")
     made = page(content, links)

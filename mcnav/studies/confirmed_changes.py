@@ -11,12 +11,12 @@ from mcnav.analysis.allocation import LEAST, Goal, GradeChange, GradeSearch, Num
 from mcnav.analysis.requirements import Finding
 from mcnav.analysis.simulated_requirements import least_margin, measured_scale
 from mcnav.analysis.summary import RequirementEntry, Summary
-from mcnav.config.data_sheet import next_grade
 from mcnav.config.overrides import Value
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError
 from mcnav.execution.progress import Progress
 from mcnav.studies.allocated_numbers import find_change
+from mcnav.studies.allocation_examination import grade_values
 from mcnav.studies.simulated_campaigns import simulated
 from mcnav.studies.variations import Variations, values_of
 
@@ -109,12 +109,9 @@ def confirm_grades(
     variations: Variations, search: GradeSearch, goal: Sequence[int], plan: ConfirmationPlan
 ) -> GradeSearch:
     """Simulate the first changes by one grade, and leave out the others."""
-    known = {number.path: number for number in variations.numbers}
 
     def confirmed(change: GradeChange) -> GradeChange | None:
-        values = {move.path: graded.entry for move in change.moves
-                  if (graded := next_grade(known[move.path], search.finer)) is not None}  # fmt: skip
-        entries = _simulate(variations, values, plan)
+        entries = _simulate(variations, grade_values(variations, search, change), plan)
         if entries is None:
             return None
         return replace(change, simulated=least_margin([entries[number] for number in goal]))

@@ -10,8 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
-from mcnav.analysis.examination import CheckFlights, CorrectedMoments, Examination, examine, refuse
+from mcnav.analysis.corrected_moments import CorrectedMoments, corrected_moments
+from mcnav.analysis.examination import CheckFlights, Examination, Linearity, examine, refuse
+from mcnav.analysis.model import Model
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.samples import Batch
@@ -39,14 +40,17 @@ FIRST: Final = Effort(3, 16)
 SECOND: Final = Effort(8, 64)
 """Effort where the first one cannot say, and the engine is quick."""
 
+CORRECTING: Final = replace(SECOND, pairs=256)
+"""Effort where the uncertainty of a corrected sigma, which is needed, is too large."""
+
 ONE_TO_ALL: Final = 2.0
 """Time of a hundred simulations side by side over that of one, of the loops among the examples at most."""
 
 STEP: Final = 0.2
 """Step of the differences of corrected moments, in sigmas: they are expansions about the mean errors."""
 
-NOTABLE: Final = 0.002
-"""Difference of a sigma ratio from one from which on corrected moments are computed."""
+NOTABLE: Final = 0.001
+"""Difference of a sigma ratio from one, or of that of all outputs together, from which moments are corrected."""
 
 DRAWN: Final = 8_192
 """Draws over which the polynomial is averaged where errors are not normal."""
@@ -99,23 +103,26 @@ def examine_model(model: Model, errors: ErrorModel, engine: Engine, tolerance: f
 
 
 def _corrected(errors: ErrorModel, model: Model, engine: Engine, examined: Examination) -> CorrectedMoments | None:
-    """Correct mean and sigma by second and third derivatives; none where a sigma is linear, or too many are needed."""
-    linear = np.sqrt(np.diag(model.outcome_covariance))
-    ratios = np.array([output.ratio for output in examined.outputs])
+    """Correct moments by second and third derivatives; none where a sigma is linear, or too many are needed.
+
+    Where few check simulations do not bound a correction that is needed, more do.
+    """
+    ratios = [row.ratio for row in (*examined.outputs, examined.joint) if row is not None]
     directions = int(np.count_nonzero(errors.standard_deviations))
     simulations = 2 * directions**2 + 2 * directions + 1
-    bent = np.nanmax(np.abs(ratios - 1.0), initial=0.0) > NOTABLE
+    bent = np.nanmax(np.abs(np.array(ratios) - 1.0), initial=0.0) > NOTABLE
     if not bent or not errors.normal or simulations > MOST_SIMULATIONS:
         return None
     try:
         order = second_order(without_noise(engine), errors.mean, errors.covariance, STEP)
     except SimulationFailed:
         return None
-    variance = np.diag(model.outcome_covariance + order.quadratic + order.third_order)
-    sigma = np.sqrt(np.maximum(variance, 0.0))
-    widths = np.array([0.5 * (output.high - output.low) for output in examined.outputs])
-    error = np.abs(sigma - ratios * linear) + widths * linear
-    return CorrectedMoments(order.centre + order.mean_shift, sigma, error)
+    moments, linear = corrected_moments(model, order, examined), np.sqrt(np.diag(model.outcome_covariance))
+    needed = np.array([output.verdict != Linearity.HOLDS for output in examined.outputs])
+    if not np.any(needed & ~moments.improves(linear)):
+        return moments
+    further = _examine_by(CORRECTING, model, errors, engine, examined.tolerance)
+    return moments if further.failed else corrected_moments(model, order, further)
 
 
 def _examine_by(effort: Effort, model: Model, errors: ErrorModel, engine: Engine, tolerance: float) -> Examination:

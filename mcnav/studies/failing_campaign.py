@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mcnav.analysis.answer_times import as_read
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.filter_causes import kind_of, shares_by_kind
 from mcnav.analysis.filter_remarks import instant
-from mcnav.analysis.improvements import Departing, improvements, reading_at
+from mcnav.analysis.improvements import Departing, reading_at, shares_used
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.model import Model
 from mcnav.analysis.remedies import DEPARTING, Failing, Remedy, Standing, something_fails
 from mcnav.analysis.requirements import Finding
 from mcnav.analysis.simulated_requirements import Basis
@@ -87,13 +87,12 @@ class Case:
         """What fails now; sigmas and shares of limits by linear covariance."""
         if self.what_if is None:
             return Standing(verdict=self.verdict, ratio=self.ratio)
-        covariance = self.what_if.covariance
-        used = improvements(self.what_if, None).used
-        sigma = math.nan
+        covariance, ones = self.what_if.covariance, [1.0] * len(self.what_if.campaign.sliders)
+        used, sigma = shares_used(self.what_if, [ones]), math.nan
         if self.departing is not None:
             reading = reading_at(covariance, self.departing.time)
-            sigma = float(covariance.sigma([1.0] * len(self.what_if.campaign.sliders))[reading, self.departing.output])
-        return Standing(verdict=self.verdict, ratio=self.ratio, sigma=sigma, used=math.nan if used is None else used)
+            sigma = float(covariance.sigma(ones)[reading, self.departing.output])
+        return Standing(verdict=self.verdict, ratio=self.ratio, sigma=sigma, used=math.nan if used is None else used[0])
 
     @property
     def tuned(self) -> bool:

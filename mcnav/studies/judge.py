@@ -18,6 +18,7 @@ from mcnav.execution.progress import duration, note
 from mcnav.execution.threads import one_thread
 from mcnav.files.whole import indented_json, to_json, write_texts
 from mcnav.judgement.error_table import ErrorVerdict, judge_errors
+from mcnav.judgement.low_pass import low_pass_remarks
 from mcnav.judgement.plain_files import IMU, START, find_fault
 from mcnav.judgement.verdict import SIMULATED, TRIALS, Judgement, judge
 from mcnav.logs.log_error import LogError
@@ -85,7 +86,8 @@ def _judged(campaign: Campaign, files: RecordingFiles, simulated: int, seed: int
         raise LogError(files.imu, str(problem)) from None
     except ScenarioError as problem:
         raise CampaignError([Problem(campaign.file, problem.key, str(problem))]) from None
-    return record, replace(judgement, notes=(*notes, *judgement.notes))
+    remarks = tuple(f"{files.imu.name}: {remark}" for remark in low_pass_remarks(recording))
+    return record, replace(judgement, notes=(*notes, *remarks, *judgement.notes))
 
 
 def _refuse_faults(campaign: Campaign, files: RecordingFiles, recording: Recording) -> None:

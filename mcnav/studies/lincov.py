@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.analysis.answer_times import as_read
+from mcnav.analysis.box import Box, Extreme, Spread
 from mcnav.analysis.examination import Examination
-from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, Order
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.remedies import Remedies
@@ -51,7 +52,7 @@ def write_lincov(
     if covariance.fails:
         from mcnav.studies.remedies import remedies_of_answer  # half a second, which answers that hold do without
 
-        remedies = remedies_of_answer(campaign, covariance, all_remedies)
+        remedies = remedies_of_answer(campaign, covariance, all_remedies, examine=examine)
     written = page_html(lincov_page(campaign, covariance, remedies))
     files = {FILE: indented_json(to_json(lincov_table(covariance))) + "\n", PAGE: written}
     return covariance, write_texts(path, files)
@@ -92,16 +93,19 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
                 **({"about": requirement.requirement.about} if requirement.requirement.about else {}),
                 "value": requirement.value,
                 "met": requirement.met if requirement.judged else None,
+                **_order_entry(requirement),
                 "margin": requirement.margin,
                 **({"exceedance": requirement.beyond} if math.isfinite(requirement.beyond) else {}),
                 **({"exceedance_curved": requirement.curved} if math.isfinite(requirement.curved) else {}),
                 "time": requirement.time,
                 "causes": [asdict(cause) for cause in answer.requirement_causes(number)],
+                **({} if answer.box is None else _spread_entry(answer.box.requirements[number])),
             }
             for number, requirement in enumerate(answer.requirements)
         ],
         **_size_rows(answer, names),
         "mean_by_cause": answer.means,
+        **({} if answer.box is None else box_entry(answer.box, names)),
         "filter": None if answer.filter is None else _filter_entry(answer.filter),
         **({} if answer.smoother is None else {"smoother": _filter_entry(answer.smoother)}),
         **({"gates": gates_entry(answer)} if answer.rejections is not None else {}),
@@ -113,6 +117,46 @@ def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:
         "time": None if history is None else history.readings.label,
         "rows": [] if history is None else _rows(history, answer.readings_beyond(history), smoothed),
     }  # fmt: skip
+
+
+def _order_entry(requirement: LinearRequirement) -> Mapping[str, object]:
+    """Return by which order a requirement is judged, the uncertainty of its value, and why it is not judged."""
+    second = requirement.order == Order.SECOND
+    return {
+        "order": requirement.order.value if math.isfinite(requirement.value) else None,
+        **({"uncertainty": requirement.share * requirement.value} if second else {}),
+        **({"doubt": requirement.doubt} if requirement.doubt else {}),
+    }
+
+
+def box_entry(box: Box, names: Sequence[str]) -> Mapping[str, object]:
+    """Arrange what ranges do as ``lincov.json`` has it: the worst and the best of each output, and their settings."""
+
+    def side(extremes: Sequence[Extreme], ratio: Extreme | None, verdict: LinearVerdict | None) -> dict[str, object]:
+        settings = {name: dict(extreme.setting) for name, extreme in zip(names, extremes, strict=True)}
+        entry: dict[str, object] = {"sigma": [extreme.value for extreme in extremes], "setting": settings}
+        if ratio is not None and verdict is not None:
+            entry["filter"] = {"ratio": ratio.value, "setting": dict(ratio.setting), **_filter_entry(verdict)}
+        return entry
+
+    filtered = box.filter
+    known = None if filtered is None else filtered.ratio
+    return {
+        "ranges": dict(box.ranges),
+        "worst": side([spread.worst for spread in box.outputs], None if known is None else known.worst,
+                      None if filtered is None else filtered.optimistic),
+        "best": side([spread.best for spread in box.outputs], None if known is None else known.best,
+                     None if filtered is None else filtered.pessimistic),
+        "exact": box.exact,
+        "settings": box.settings,
+        "systems": box.systems,
+        "held": list(box.held),
+        "narrowed": [asdict(row) for row in box.narrowed],
+    }  # fmt: skip
+
+
+def _spread_entry(spread: Spread) -> Mapping[str, object]:
+    return {"worst": spread.worst.value, "best": spread.best.value, "setting": dict(spread.worst.setting)}
 
 
 def examination_entry(examined: Examination, names: Sequence[str]) -> Mapping[str, object]:
@@ -128,6 +172,9 @@ def examination_entry(examined: Examination, names: Sequence[str]) -> Mapping[st
         "mean_second": None if corrected is None else corrected.mean,
         "sigma_second": None if corrected is None else corrected.sigma,
         "sigma_error": None if corrected is None else corrected.error,
+        "mean_second_error": None if corrected is None else corrected.mean_error,
+        "nees_second": None if corrected is None else corrected.nees,
+        "nees_error": None if corrected is None else corrected.nees_error,
     }
 
 

@@ -11,13 +11,14 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.corrected_requirements import judge_by_order
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.gates import GateAnswer, answer_gates
-from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, where_linear, within_range
+from mcnav.analysis.linear_answer import LinearAnswer, judge_linearly, within_range
 from mcnav.analysis.linear_covariance import LinearCovariance, covariance_over_time
 from mcnav.analysis.linear_filter import LinearVerdict, judge_filter
 from mcnav.analysis.linear_range import picked
+from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import RejectionAnswer
 from mcnav.analysis.requirements import requirements_from, smallest_limits
 from mcnav.analysis.withheld import with_rejections
@@ -73,15 +74,23 @@ def linear_covariance(campaign: Description, times: Array | None = None, examine
         gates = _gates(described)
         if examine is not False and answer.beyond is None:
             answer = _examined(answer, described, math.inf if examine else perf_counter() - began)
+        if described.ranges:
+            from mcnav.studies.box import answer_box  # which asks for linear answers of this module
+
+            answer = replace(answer, box=answer_box(described, answer))
     return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=outages_of(described)))
 
 
 def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> LinearAnswer:
     """Add the examination of an answer, which may take so many seconds, or the reason why it has none."""
+    began = perf_counter()
     examined = examine_campaign(campaign, answer.model, seconds)
     if isinstance(examined, str):
         return replace(answer, unexamined=examined)
-    return replace(answer, examination=examined, requirements=where_linear(answer.requirements, examined))
+    return replace(
+        answer, examination=examined, examined_in=perf_counter() - began,
+        requirements=judge_by_order(answer.requirements, answer.model, examined),
+    )  # fmt: skip
 
 
 def _gates(campaign: Campaign) -> tuple[GateAnswer, ...]:
@@ -100,20 +109,24 @@ def outages_of(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]
     return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
 
 
-def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAnswer:
-    """Compute what `linear_covariance` does, without what the scenario notices of itself."""
+def answer_linearly(described: Campaign, times: Array | None = None, by_cause: bool = True) -> LinearAnswer:
+    """Compute what `linear_covariance` does, without what the scenario notices of itself.
+
+    ``by_cause``: whether each process is known by itself, and not all together.
+    """
     scenario, errors = described.scenario, described.errors
+    if not by_cause:
+        scenario = scenario.with_processes_together()
     names = tuple(source.name for source in scenario.sources)
     with one_thread(), scenario_errors(described.file):
         if times is not None:
             _check_times(described, times)
         _check_soundness(described)
         linear, readings = _linearize(scenario)
-        model = Model.of(linear, errors.mean, errors.covariance, scenario.outputs)
+        model = end_model(described, linear)
         moments = errors.mean, errors.covariance
         history = None if readings is None else covariance_over_time(readings, names, *moments)
         required = requirements_from(described.requirements, [output.name for output in scenario.outputs])
-        model = replace(model, limits=smallest_limits(required, len(scenario.outputs)))
         smoothed = None
         if scenario.parts.smoother:
             smoothed = covariance_over_time(scenario.smoothed(scenario.reading_times), names, *moments)
@@ -139,8 +152,8 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         known = [each for each in (history, asked) if each is not None]
         asked_epochs = sorted({epoch for record in described.requirements for epoch in record.epochs or ()})
         laws, rejections = rejections_of(scenario, described.errors, described.tolerance, asked_epochs)
-        filtered = _judge_filter(answer, known, scenario, described)
-        smoother = None if smoothed is None else _judge_filter(answer, [smoothed], scenario, described)
+        filtered = judge_filter_of(answer, known, scenario, described.tolerance)
+        smoother = None if smoothed is None else judge_filter_of(answer, [smoothed], scenario, described.tolerance)
         return replace(
             answer,
             requirements=within_range(
@@ -154,6 +167,14 @@ def answer_linearly(described: Campaign, times: Array | None = None) -> LinearAn
         )
 
 
+def end_model(campaign: Campaign, linear: LinearModel) -> Model:
+    """Return the linear model of a campaign at its end, with the limits of its requirements."""
+    outputs, errors = campaign.scenario.outputs, campaign.errors
+    required = requirements_from(campaign.requirements, [output.name for output in outputs])
+    model = Model.of(linear, errors.mean, errors.covariance, outputs)
+    return replace(model, limits=smallest_limits(required, len(outputs)))
+
+
 def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer | None) -> LinearVerdict | None:
     """Withhold that a filter is consistent where rejections of good measurements can break it."""
     if verdict is None or rejections is None or rejections.consistent or verdict.verdict != Honesty.CONSISTENT:
@@ -161,8 +182,8 @@ def _with_rejections(verdict: LinearVerdict | None, rejections: RejectionAnswer 
     return replace(verdict, verdict=Honesty.UNDECIDED)
 
 
-def _judge_filter(
-    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, campaign: Campaign
+def judge_filter_of(
+    answer: LinearAnswer, known: Sequence[LinearCovariance], scenario: Scenario, tolerance: float
 ) -> LinearVerdict | None:
     """Judge a filter, or a smoother, at the readings that are known, within the range of linear analysis."""
     schema = scenario.filter_schema
@@ -173,8 +194,8 @@ def _judge_filter(
         [output.name for output in answer.outputs],
         list(schema.groups),
         [source.name for source in answer.sources],
-        campaign.errors.covariance,
-        campaign.tolerance,
+        answer.model.covariance,
+        tolerance,
         [output.unit for output in answer.outputs],
         answer.model.floor,
         answer.model.scales,
@@ -216,10 +237,11 @@ def _check_soundness(campaign: Campaign) -> None:
     if not is_users(campaign.scenario):
         return
     from mcnav.runner.draws import DrawPlan  # with a run's files, which other scenarios do not need
-    from mcnav.runner.soundness import find_doubt
+    from mcnav.runner.soundness import exact_engine, find_doubt
 
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    doubt = find_doubt(campaign.scenario, draws, campaign.tolerance, campaign.sample_timeout)
+    engine = exact_engine(campaign.scenario, draws.probes(), campaign.sample_timeout)
+    doubt = find_doubt(campaign.scenario, engine, campaign.errors, campaign.tolerance)
     if doubt is not None:
         raise CampaignError([Problem(campaign.file, "scenario", str(doubt))])
 

@@ -9,8 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Criterion, Model
+from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.linearity import AloneRange, DispersionRange, alone, decade, together
+from mcnav.analysis.model import Model
 from mcnav.analysis.sized_outputs import components_of
 from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign

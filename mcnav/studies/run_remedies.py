@@ -123,7 +123,7 @@ def remedies_of_run(
         case = case_of_run(content, *described)
         if case is None:
             return None
-        remedies = find_remedies(case, thorough, progress)
+        remedies = find_remedies(case, thorough, progress, None if simulate else False)
     if not remedies.listed:
         return remedies
     if thorough and simulate:

@@ -9,8 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
+from mcnav.analysis.comparison import Comparison, Criterion, compare
 from mcnav.analysis.mean_errors import mean_errors, rounding_of_means
+from mcnav.analysis.model import Model
 from mcnav.analysis.sized_outputs import components_of
 from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign

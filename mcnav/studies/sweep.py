@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from time import perf_counter
 from typing import Final
 
 import numpy as np
@@ -37,7 +38,9 @@ from mcnav.report.document.html import page_html
 from mcnav.report.pages import sweep as report
 from mcnav.report.pages.sweep_page import page
 from mcnav.studies.confirmation import check_count, choose_points, confirm
+from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.linear_answers import answer_linearly
+from mcnav.studies.sweep_examination import examine_sweep
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
 from mcnav.workflow.rejections import doubt_about_gates
 
@@ -65,6 +68,8 @@ class SweepPlan:
         Times in the trajectory's time at which ``against`` is looked at, s; by default the end.
     jobs : int
         Threads.
+    examine : bool or None
+        Whether flights examine linear analysis at some points; with none where that takes less than the answers.
     """
 
     varied: Mapping[str, str | Sequence[object]]
@@ -72,6 +77,7 @@ class SweepPlan:
     points: int = POINTS
     at: Sequence[float] = ()
     jobs: int = JOBS
+    examine: bool | None = None
 
 
 def run_sweep(campaign: Description, plan: SweepPlan) -> Sweep:
@@ -132,7 +138,8 @@ class _Study:
         return tuple(len(variable.values) for variable in self.variables)
 
     def sweep(self) -> Sweep:
-        """Compute the answers of the grid, and then those at which limits are just met."""
+        """Compute the answers of the grid, then those at which limits are just met, and examine some."""
+        began = perf_counter()
         self._check_corners()
         self._progress.phase(Phase.PREPARING, note=f"{int(np.prod(self.shape)):,} linear answers")
         answers = self.points.answers(self.points.grid(), self._jobs)
@@ -144,13 +151,15 @@ class _Study:
         if gates := self._gates():
             arrays["margins"][:] = np.nan
         just_met = self._just_met(arrays["margins"])
-        return Sweep(
+        sweep = Sweep(
             self._varied.campaign.name, self.outputs, self.variables, self.measures, self.times,
             arrays["values"], arrays["own"], arrays["bounds"], arrays["margins"], self.points.present.values, just_met,
             added=tuple(self.points.beside(self.points.grid())), exceedances=arrays["exceedances"],
             means=arrays["means"],
             gates=gates,
         )  # fmt: skip
+        examiner = Examiner(self._plan.examine, perf_counter() - began)
+        return examine_sweep(sweep, self.points.campaign_at, examiner)
 
     def _gates(self) -> str:
         """Say of the campaign, or of the first corner, what rejections of good measurements do to linear analysis."""

@@ -11,8 +11,8 @@ from typing import Final, TypeVar
 import numpy as np
 
 from mcnav.analysis.accuracy_measures import Measure, requirement_measures
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_range import limits_of, outputs_beyond
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Requirement, requirements_from
 from mcnav.analysis.sweep import Point, Variable
 from mcnav.arrays.types import Array, IndexArray

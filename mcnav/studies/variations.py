@@ -12,8 +12,9 @@ import numpy as np
 
 from mcnav.analysis.allocation import worst_of
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, judge_within_range
-from mcnav.analysis.linear_covariance import Moments, covariance_over_time
+from mcnav.analysis.linear_covariance import Moments
 from mcnav.analysis.linear_range import limits_of
+from mcnav.analysis.resized_answers import judged, resize
 from mcnav.config.data_sheet import DataSheetNumber, believed_numbers, data_sheet_numbers
 from mcnav.config.documents import Document
 from mcnav.config.overrides import Value, parse_document
@@ -174,28 +175,15 @@ class _Scaled:
     def __init__(self, answer: LinearAnswer) -> None:
         self._answer = answer
         self._names = [source.name for source in answer.sources]
-        self._requirements = [requirement.requirement for requirement in answer.requirements]
-        self._limits = limits_of(output.limit for output in answer.outputs)
-        self._over_time = any(requirement.epochs for requirement in self._requirements) or bool(
-            np.isfinite(self._limits).any()
-        )
+        limits = limits_of(output.limit for output in answer.outputs)
+        self._over_time = any(row.requirement.epochs for row in answer.requirements) or bool(np.isfinite(limits).any())
 
-    def judged(self, changed: Sequence[DataSheetNumber], factor: float) -> tuple[LinearRequirement, ...]:
-        model, history = self._answer.model, self._answer.history
+    def judged(self, changed: Sequence[DataSheetNumber], factor: float) -> Requirements:
+        model = self._answer.model
         sizes = np.array([factor if any(each.covers(name) for each in changed) else 1.0 for name in self._names])
+        squares = {name: factor**2 for name in model.processes if any(each.covers(name) for each in changed)}
         mean, covariance = sizes * model.mean, model.covariance * np.outer(sizes, sizes)
-        squares = {name: factor**2 if any(each.covers(name) for each in changed) else 1.0 for name in model.processes}
-        processes = {name: squares[name] * process for name, process in model.processes.items()}
-        scaled = replace(model, mean=mean, covariance=covariance, processes=processes)
-        if history is not None and self._over_time:
-            noise = {name: squares[name] * process for name, process in history.readings.processes.items()}
-            readings = replace(history.readings, processes=noise)
-            history = covariance_over_time(readings, tuple(self._names), mean, covariance)
-        moments = None if history is None else history.moments
-        return judge_within_range(
-            self._requirements, self._limits, scaled.outcome_mean, scaled.outcome_covariance, moments,
-            model.sizes, model.nominal, model.origin,
-        )  # fmt: skip
+        return judged(resize(self._answer, mean, covariance, squares, self._over_time))
 
 
 def values_of(changed: Sequence[DataSheetNumber], factor: float) -> dict[str, Value]:

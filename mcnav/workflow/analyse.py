@@ -15,7 +15,6 @@ from mcnav.analysis.failed_samples import failure_bias
 from mcnav.analysis.filter_assessment import assess_filter
 from mcnav.analysis.requirements_over_time import ErrorHistories
 from mcnav.analysis.running_ratios import convergence
-from mcnav.analysis.sized_outputs import components_of
 from mcnav.analysis.summary import Summary
 from mcnav.analysis.tails import tails
 from mcnav.analysis.variance_breakdown import split_difference
@@ -33,9 +32,9 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.filter_evidence import filter_evidence, smoother_evidence
 from mcnav.workflow.judged_requirements import Judge
 from mcnav.workflow.linear_extremes import beyond_range
-from mcnav.workflow.recorded_model import LinearOverTime, summary_frame
+from mcnav.workflow.recorded_model import summary_frame
 from mcnav.workflow.stored_remedies import stored_remedies
-from mcnav.workflow.stored_run import StoredHistories, StoredRun, read_run
+from mcnav.workflow.stored_run import StoredRun, read_run
 from mcnav.workflow.what_if import what_if_of_run
 
 if TYPE_CHECKING:
@@ -101,17 +100,15 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
     """
     run = read_run(folder, unfinished)
     model, criterion, outputs, blocks = run.model.end, run.criterion, run.samples.outputs, run.blocks
+    histories, smoothed_histories = _histories(run)
+    beyond = beyond_range(run.model)
     units = [output.unit for output in run.manifest.model.outputs]
     with side_threads(1) as beside:
         in_tails = beside.submit(tails, model, outputs, blocks, units, criterion)
         reduced, failures = _reduce(run)
         comparison = compare_reduced(model, reduced, criterion, run.design)
     filtered, smoothed = filter_evidence(run, comparison.failed), smoother_evidence(run, comparison.failed)
-    beyond = beyond_range(run.model)
-    judge = Judge(
-        run, comparison, _histories(run, run.histories, run.model.over_time),
-        _histories(run, run.smoothed_histories, run.model.smoothed), beyond,
-    )  # fmt: skip
+    judge = Judge(run, comparison, histories, smoothed_histories, beyond)
     return RunAnalysis(
         folder=folder,
         manifest=run.manifest,
@@ -130,34 +127,39 @@ def analyse(folder: RunFolder, unfinished: Manifest | None = None) -> RunAnalysi
         smoother=None if smoothed is None else assess_filter(smoothed, criterion),
         beyond=beyond,
         sizes=sampled_sizes(model, outputs, blocks, criterion),
-        histories=judge.histories,
-        smoothed_histories=judge.smoothed_histories,
+        histories=histories,
+        smoothed_histories=smoothed_histories,
     )
 
 
 def _reduce(run: StoredRun) -> tuple[ReducedSamples, Failures]:
     """Reduce the samples to sums, and group those that failed by reason; where a summary is stored, by its sums."""
     model, samples = run.model.end, run.samples
+    frame, whole = summary_frame(run.manifest, model), run.summary
     linear = samples.linear if model.processes else None
     reduced = reduce_stored(model, samples.errors, samples.outputs, run.blocks, linear)
-    frame, whole = summary_frame(run.manifest, model), run.summary
     if frame is None or whole is None:
         return reduced, failures_in(samples.status, samples.index.tolist())
     failures = grouped({reason: (failed.samples, failed.first) for reason, failed in whole.failures.items()})
     return reduce_summary(model, frame, whole.sums, whole.samples, reduced.stored), failures
 
 
-def _histories(run: StoredRun, stored: StoredHistories | None, linear: LinearOverTime | None) -> ErrorHistories | None:
-    """Put the histories of a run's first samples beside the linear moments, where these are known at their epochs."""
-    if stored is None:
-        return None
-    if linear is not None and (not linear.is_whole or not linear.is_at(stored.times)):
-        linear = None
-    mean, covariance = (None, None) if linear is None else (linear.mean, linear.covariance)
-    return ErrorHistories(
-        stored.times, stored.errors, run.design.blocks(np.arange(len(stored.errors))), mean, covariance, STORED,
-        components_of(run.manifest.model.outputs), stored.origin,
-    )  # fmt: skip
+def _histories(run: StoredRun) -> list[ErrorHistories | None]:
+    """Put histories of a run's first samples, and those behind its smoother, beside linear moments at their epochs."""
+    histories = list[ErrorHistories | None]()
+    for stored, linear in ((run.histories, run.model.over_time), (run.smoothed_histories, run.model.smoothed)):
+        if stored is None:
+            histories.append(None)
+            continue
+        known = linear is not None and linear.is_whole and linear.is_at(stored.times)
+        mean, covariance = (linear.mean, linear.covariance) if linear is not None and known else (None, None)
+        blocks = run.design.blocks(np.arange(len(stored.errors)))
+        histories.append(
+            ErrorHistories(
+                stored.times, stored.errors, blocks, mean, covariance, STORED, run.model.end.sizes, stored.origin
+            )
+        )
+    return histories
 
 
 def write_results(folder: RunFolder, analysis: RunAnalysis, report: bool = True) -> Summary:

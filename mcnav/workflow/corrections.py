@@ -8,10 +8,10 @@ from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine
 from mcnav.linear.corrections import Corrections
 from mcnav.linear.nonlinear_corrections import noise_corrections, nonlinear_corrections
-from mcnav.linear.polynomial_engine import MAP, exact_part
+from mcnav.linear.polynomial_engine import MAP
 from mcnav.linear.refusals import scenario_errors
 from mcnav.linear.simulated_budget import simulated_budgets
-from mcnav.runner.soundness import exact_engine, isolated
+from mcnav.runner.soundness import exact_engine
 from mcnav.workflow.prepare import PreparedSystem
 
 
@@ -24,16 +24,12 @@ def compute_corrections(system: PreparedSystem) -> Corrections:
 
     def first_engine(probes: Array) -> Engine:
         same = system.engine_name in (MAP, scenario.engines[0]) and np.array_equal(probes, draws.probes())
-        if same:
-            return isolated(scenario, exact_part(system.engine), system.timeout)
-        return exact_engine(scenario, probes, system.timeout)
+        return system.exact if same else exact_engine(scenario, probes, system.timeout)
 
     if scenario.parts.noise:
-        engine = isolated(scenario, system.engine, system.timeout)
-        return noise_corrections(engine, draws.errors, system.model.processes or {}, draws.samples)
+        return noise_corrections(system.flown, draws.errors, system.model.processes or {}, draws.samples)
     with scenario_errors(system.campaign.file):
         budget = simulated_budgets(
             first_engine, draws.errors, system.model.partials, draws.design, draws.seed, draws.samples
         )
-        engine = isolated(scenario, system.engine, system.timeout)
-        return nonlinear_corrections(scenario, engine, draws.errors, budget, draws.samples)
+        return nonlinear_corrections(scenario, system.flown, draws.errors, budget, draws.samples)

@@ -8,14 +8,13 @@ import numpy as np
 
 from mcnav.analysis.filter_evidence import FilterEvidence, LinearFilter, MeanSquares
 from mcnav.analysis.linear_covariance import NOMINAL
-from mcnav.analysis.linear_range import limits_of
 from mcnav.arrays.types import Array
 from mcnav.contract.power_sums import PowerSums
 from mcnav.contract.quantities import Output
 from mcnav.statistics.filter_sums import FilterMeans, FilterSums
-from mcnav.store.manifest import FilterRecord, ModelRecord
+from mcnav.store.manifest import FilterRecord
 from mcnav.workflow.heavy_tails import tailed_over_time
-from mcnav.workflow.recorded_model import LinearOverTime
+from mcnav.workflow.recorded_model import LinearOverTime, RecordedModel
 from mcnav.workflow.stored_run import StoredRun
 
 
@@ -24,7 +23,7 @@ def filter_evidence(run: StoredRun, failed: int) -> FilterEvidence | None:
     record, totals = run.manifest.model.filter, run.filters
     if record is None or totals is None:
         return None
-    linear = linear_filter(run.model.record, record, run.model.over_time, run.model.end.floor)
+    linear = linear_filter(run.model, record, run.model.over_time)
     return _evidence(run, record, totals.filter_sums, totals.power_sums, linear, failed)
 
 
@@ -33,7 +32,7 @@ def smoother_evidence(run: StoredRun, failed: int) -> FilterEvidence | None:
     record, totals = run.manifest.model.smoother, run.filters
     if record is None or totals is None:
         return None
-    linear = linear_filter(run.model.record, record.claims, run.model.smoothed, run.model.end.floor)
+    linear = linear_filter(run.model, record.claims, run.model.smoothed)
     evidence = _evidence(run, record.claims, totals.smoother_sums, totals.smoothed_sums, linear, failed)
     return replace(evidence, subject="smoother")
 
@@ -60,11 +59,9 @@ def _evidence(
     )
 
 
-def linear_filter(
-    model: ModelRecord, record: FilterRecord, over_time: LinearOverTime | None, floor: Array | None = None
-) -> LinearFilter | None:
+def linear_filter(linear: RecordedModel, record: FilterRecord, over_time: LinearOverTime | None) -> LinearFilter | None:
     """Return what linear analysis says of a filter and of the errors; none where a manifest has nothing of it."""
-    known = record.prediction
+    model, known = linear.record, record.prediction
     if known is None:
         return None
     contributions: dict[str, Array] = {}
@@ -85,5 +82,5 @@ def linear_filter(
     believed = {NOMINAL: 0.0} | dict(known.believed)
     return LinearFilter(
         known.covariance, known.state_variance, true, known.state_true, contributions, believed, squared_means,
-        tuple(output.unit for output in model.outputs), floor, limits_of(output.limit for output in model.outputs),
+        tuple(output.unit for output in model.outputs), linear.end.floor, linear.limits,
     )  # fmt: skip

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.heavy_tails import outputs_felt
+from mcnav.analysis.model import Model
 from mcnav.store.chunk_files import Samples
 from mcnav.store.manifest import ModelRecord
 

@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import accumulate
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
@@ -40,7 +41,10 @@ CAPTION: Final = (
     "estimate of the tightest requirement on sizes of errors; below one it is not met."
 )
 FOREMOST: Final = 7
-"""Runs on the first screen, the worst first."""
+"""Runs on the first screen at most, the worst first."""
+
+ROOM: Final = 56
+"""Words of their rows at most, names and verdicts, so that the screen stays below ninety."""
 
 FIRST: Final = "True over filter sigma where there is a filter, else Monte Carlo over linear sigma."
 """Caption of the ratios on the first screen."""
@@ -293,9 +297,11 @@ def _first_screen(runs: Sequence[_Run]) -> list[Part]:
         Column("Verdict", lambda run: Cell(OF_TONES[run.tone], tone=run.tone or "undecided"), kind="text"),
         Column("Ratio", _ratio),
     ]  # fmt: skip
-    more = len(runs) - FOREMOST
+    taken = accumulate(len(run.name.split()) + 1 for run in worst[:FOREMOST])
+    shown = max(1, sum(words_so_far <= ROOM for words_so_far in taken))
+    more = len(runs) - shown
     left = [Sentence(Markup('<a href="#fold-runs">and {} more</a>').format(more))] if more > 0 else []
-    return [Verdict(headline, worst[0].tone or "undecided"), Answers((Table(FIRST, columns, worst[:FOREMOST]),)), *left]
+    return [Verdict(headline, worst[0].tone or "undecided"), Answers((Table(FIRST, columns, worst[:shown]),)), *left]
 
 
 def _ratio(run: _Run) -> Cell:

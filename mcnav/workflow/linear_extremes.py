@@ -9,7 +9,7 @@ import numpy as np
 
 from mcnav.analysis.budget import error_budget
 from mcnav.analysis.linear_covariance import NOMINAL
-from mcnav.analysis.linear_range import BeyondRange, find_beyond, limits_of
+from mcnav.analysis.linear_range import BeyondRange, find_beyond
 from mcnav.analysis.mean_errors import departures
 from mcnav.analysis.requirement_causes import causes_of_requirement
 from mcnav.analysis.requirements import Requirement, RequirementResult
@@ -25,8 +25,7 @@ def beyond_range(model: RecordedModel) -> BeyondRange | None:
     if linear is not None and len(linear.record.times):
         sigma = np.sqrt(np.maximum(np.diagonal(linear.covariance, axis1=1, axis2=2), 0.0))
         over_time = linear.record.times, linear.mean, sigma
-    limits = limits_of(output.limit for output in model.record.outputs)
-    return find_beyond(limits, model.end.outcome_mean, np.sqrt(np.diag(model.end.outcome_covariance)), over_time)
+    return find_beyond(model.limits, model.end.outcome_mean, np.sqrt(np.diag(model.end.outcome_covariance)), over_time)
 
 
 def range_note(model: RecordedModel) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.linear_range import limits_of
+from mcnav.analysis.model import Model
 from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearModel
@@ -60,6 +61,11 @@ class RecordedModel:
     def of(cls, record: ModelRecord) -> RecordedModel:
         """Read the linear model of a manifest."""
         return cls(record, linear_model(record))
+
+    @cached_property
+    def limits(self) -> Array:
+        """Size of each output on which its system changes, shape (outputs,); infinite without one."""
+        return limits_of(output.limit for output in self.record.outputs)
 
     @cached_property
     def over_time(self) -> LinearOverTime | None:

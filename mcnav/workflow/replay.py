@@ -20,7 +20,8 @@ from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError, can_replay
 from mcnav.errors import CampaignError, Problem, RunFolderError
 from mcnav.execution.threads import one_thread
-from mcnav.files.whole import INPUTS, read_whole, write_whole
+from mcnav.files.parquet_reading import read_table
+from mcnav.files.whole import INPUTS, write_whole
 from mcnav.linear.at_epochs import linear_at_epochs
 from mcnav.linear.polynomial import PolynomialFitError
 from mcnav.linear.polynomial_engine import exact_part, prepare_engine
@@ -34,11 +35,9 @@ from mcnav.runner.processes import IsolatedEngine
 from mcnav.runner.soundness import isolated
 from mcnav.runner.worker_processes import end_workers
 from mcnav.store.chunk_files import (
-    LARGEST_CHUNK,
     STATUS,
     chunk_name,
     samples_from,
-    table_from,
     tracebacks_in,
     verify_chunk,
 )
@@ -46,7 +45,8 @@ from mcnav.store.manifest import ExceedanceRecord, Manifest
 from mcnav.store.run_folder import RunFolder
 from mcnav.store.summaries import STORED_ROWS, SUMMARY, summary_chunk
 from mcnav.systems.histories import with_errors
-from mcnav.workflow.exceedance import fly_way_to_fail, has_noise
+from mcnav.workflow.event_normals import has_noise
+from mcnav.workflow.failing_flight import fly_way_to_fail
 from mcnav.workflow.recorded_model import linear_model
 from mcnav.workflow.stored_campaign import campaign_of
 
@@ -293,7 +293,7 @@ def _stored(
             raise RunFolderError(f"{path}: is damaged, or of another run; run the campaign again to mend it")
         return None, ""
     try:
-        table = table_from(read_whole(path, LARGEST_CHUNK), text=STATUS)
+        table = read_table(path, text=STATUS)
         samples = samples_from(table, manifest.sample_schema)
     except (OSError, LookupError, TypeError, ValueError):
         raise RunFolderError(f"{path}: does not have this run's columns; run the campaign again") from None

@@ -130,8 +130,6 @@ def run_campaign(
         begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
-        if words := range_note(RecordedModel(system.model, system.linear)):
-            note(words)
         with _computed_beside(lambda: _compute_beside(system), before=code) as beside:
             manifest, record = _simulate(execution, begun.manifest, campaign.until)
             progress.phase(Phase.ANALYSING)
@@ -168,6 +166,8 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
         folder.clear([Path(file.path) for file in inputs])
     manifest = _first_manifest(system, identity, inputs, processors)
     frame = summary_frame(manifest, system.linear)
+    if words := range_note(RecordedModel(system.model, system.linear)):
+        note(words)
     folder.begin(manifest, system.history, campaign.stored_files(), inputs)
     job = ChunkJob(
         system.draws, system.engine, folder, run.digest, manifest.sample_schema, campaign.sample_timeout, frame,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.requirements import Requirement, counted, size_members
 from mcnav.analysis.simulated_requirements import measured_scale

@@ -16,13 +16,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from mcnav.systems.reentry.engines import HISTORY_NODES
 from mcnav.systems.reentry.ensemble.grid import Grid, shared_grid
 from mcnav.systems.reentry.ensemble.history_kernel import history_grid, history_sums
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble
 from mcnav.systems.reentry.ensemble.refinement import FINEST, refined_grid
 from mcnav.systems.reentry.ensemble.transition import Response, linear_response
 from mcnav.systems.reentry.outputs import DEVIATIONS
-from mcnav.systems.reentry.scenario import HISTORY_NODES, SOURCES
+from mcnav.systems.reentry.scenario import SOURCES
 from mcnav.systems.reentry.table_i import TABLE_I, among_all
 from tests.benchmarks.build import case_of, scenario_of
 from tests.benchmarks.case import Case

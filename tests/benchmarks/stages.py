@@ -24,7 +24,7 @@ STAGES: Final = {
     "prepare: partials, grid, first draws": ("mcnav.workflow.run:prepare_system",),
     "draw": ("mcnav.sampler.error_model:ErrorModel.draw",),
     "fly": ("mcnav.runner.chunks:simulate_batch",),
-    "errors at 60 epochs": ("mcnav.systems.reentry.scenario:EnsembleEngine.history_sums",),
+    "errors at 60 epochs": ("mcnav.systems.reentry.engines:EnsembleEngine.history_sums",),
     "store": (
         "mcnav.runner.chunks:write_chunk",
         "mcnav.linear.sample_reduction:BlockReduction.add",

@@ -15,14 +15,14 @@ def main() -> None:
     )
     parser.add_argument("--trials", type=int, default=100, help="campaigns of each kind [default: 100]")
     parser.add_argument("--jobs", type=int, default=2, help="parallel processes [default: 2]")
-    parser.add_argument("--rare", action="store_true", help="measure rare events alone, and keep the other rates")
+    parser.add_argument("--alone", choices=("rare", "judge"), default="", help="measure these, keep the other rates")
     parser.add_argument("--out", type=Path, default=Path("reports/calibration"), help="[default: reports/calibration]")
     options = parser.parse_args()
-    if options.rare and not (options.out / CSV).is_file():
+    if options.alone and not (options.out / CSV).is_file():
         parser.error(
-            f"{options.out / CSV}: no such file; --rare keeps the other rates, which a study without it measures"
+            f"{options.out / CSV}: no such file; --alone keeps the other rates, which a study without it measures"
         )
-    table, files = write_calibration(options.out, options.trials, options.jobs, options.rare)
+    table, files = write_calibration(options.out, options.trials, options.jobs, options.alone)
     for finding, count in table[table["finding"] != ""]["finding"].value_counts().items():
         print(f"{count:6} rates {finding}")
     print("\nwritten:", *files, sep="\n  ")

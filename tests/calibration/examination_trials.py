@@ -16,7 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.config.read import read_campaign
 from mcnav.execution.threads import one_thread
 from mcnav.runner.draws import DrawPlan

@@ -206,7 +206,8 @@ def evidence(system: PreparedSystem, result: SimulationResult, linear: LinearFil
 def _linear(name: str) -> LinearFilter:
     model = prepared(name).model
     assert model.filter is not None
-    linear = linear_filter(model, model.filter, RecordedModel(model, prepared(name).linear).over_time)
+    recorded = RecordedModel(model, prepared(name).linear)
+    linear = linear_filter(recorded, model.filter, recorded.over_time)
     assert linear is not None
     return linear
 

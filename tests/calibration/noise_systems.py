@@ -26,7 +26,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Criterion, Model
+from mcnav.analysis.comparison import Criterion
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from tests.calibration.cells import LEVEL
 from tests.calibration.systems import CORRUPTION, CURVATURE, PARTIALS, Truth

@@ -18,10 +18,13 @@ from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.drawing.marks import Axis, Mark, Panel, Points, Rule, Series
 from mcnav.report.drawing.palette import FLOWN, INK, LINEAR, MUTED
 from mcnav.sampler.designs import DESIGNS
+from tests.calibration.cells import Tally
 from tests.calibration.filter_trials import FILTER, run_filter_trials
 from tests.calibration.identification_trials import IDENTIFY, run_identification_trials
 from tests.calibration.identification_trials import SHARE as RECORDS_SHARE
 from tests.calibration.kalman_trials import KALMAN, run_kalman_trials
+from tests.calibration.named_trials import CSV as JUDGE_CSV
+from tests.calibration.named_trials import JUDGE, count, measure
 from tests.calibration.navigation_trials import AIDED, NAVIGATION, SHARE, run_navigation_trials
 from tests.calibration.noise_trials import NOISE, run_noise_trials
 from tests.calibration.rare_trials import CSV as RARE_CSV
@@ -51,16 +54,22 @@ TITLES: Final = {
     ("identify", "coverage"): "Identification: coverage of intervals",
     ("identify", "false alarm"): "Identification: false alarms",
     ("identify", "power"): "Identification: what is identified, and what is noticed",
+    ("judge", "coverage"): "Judged records: coverage of intervals",
+    ("judge", "false alarm"): "Judged records: false alarms",
+    ("judge", "power"): "Judged records: what is wrong is named",
 }
 """Titles of the sections by group of systems and kind of rate."""
 
 GROUPS: Final = {
     NOISE: "noise", NAVIGATION: "noise", TAILS: "tails", FILTER: "filter", KALMAN: "filter", AIDED: "filter",
-    IDENTIFY: "identify", RARE: "rare",
+    IDENTIFY: "identify", RARE: "rare", JUDGE: "judge",
 }  # fmt: skip
 """Groups of systems by the beginnings of their names."""
 
 CSV: Final = "calibration.csv"
+
+JUDGED_SHARE: Final = 2.5
+"""Campaigns of other kinds for which there is one judged record with each wrong thing."""
 
 FINDINGS: Final = {
     "as stated": ("agrees", "", "the nominal rate is within the binomial interval (99.9 %)"),
@@ -159,6 +168,15 @@ OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
             "counted as that."
         ),
     ),
+    "judge": (
+        Markup(
+            "Judged records: three minutes of readings and GNSS fixes with turns and climbs, made by equations of "
+            "their own, with at most one wrong thing each, which stands behind the comma; <em>nothing</em>, the record "
+            "is one of the campaign. What is named first is pasted into the campaign as it is printed, and the record "
+            "judged again. An interval along several axes holds where all of them do. The file judged_records.csv has "
+            "every record."
+        ),
+    ),
 }
 """Descriptions of other systems, by their group."""
 
@@ -196,17 +214,20 @@ def _finding_table(table: pd.DataFrame) -> Table[str]:
     return Table("Number of rates by finding, and their signs in the tables below.", columns, list(FINDINGS))
 
 
-def write_calibration(folder: Path, trials: int, jobs: int, rare: bool = False) -> tuple[pd.DataFrame, list[Path]]:
+def write_calibration(folder: Path, trials: int, jobs: int, alone: str = "") -> tuple[pd.DataFrame, list[Path]]:
     """Measure all rates, write the page and its CSV file, and return the table of rates and the files.
 
-    With ``rare`` those of rare events are measured alone; the others are those of the CSV file in the folder.
+    With ``alone`` those of rare events or of judged records; the others are those of the CSV file in the folder.
     """
     import pandas as pd
 
-    if rare:
+    def judged() -> Tally:
+        return count(measure(folder / JUDGE_CSV, max(round(trials / JUDGED_SHARE), 2)))
+
+    if alone:
         earlier = pd.read_csv(folder / CSV, keep_default_na=False, na_values={"nominal": [""]})
-        others = earlier[earlier["system"].map(_group) != GROUPS[RARE]]
-        counted = run_rare_trials(trials, jobs, folder / RARE_CSV)
+        others = earlier[earlier["system"].map(_group) != alone]
+        counted = run_rare_trials(trials, jobs, folder / RARE_CSV) if alone == GROUPS[RARE] else judged()
         table = pd.concat([others, rates(counted)]).sort_values(list(earlier)[:6], kind="stable")
     else:
         counted = run_trials(trials, jobs, DESIGNS)
@@ -216,7 +237,7 @@ def write_calibration(folder: Path, trials: int, jobs: int, rare: bool = False) 
             run_navigation_trials(max(trials // SHARE, 2), jobs),
             run_identification_trials(max(trials // RECORDS_SHARE, 2), jobs),
             run_slow_trials(trials, jobs),
-            run_rare_trials(trials, jobs, folder / RARE_CSV),
+            run_rare_trials(trials, jobs, folder / RARE_CSV), judged(),
         ):  # fmt: skip
             counted += more
         table = rates(counted)

@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 
 CURVATURE: Final = 0.2

@@ -9,12 +9,14 @@ from scipy.stats import chi2
 
 from mcnav.analysis import linear_samples as doubts
 from mcnav.identification.choice import PENALTY
+from mcnav.judgement.chance import FALSE_ALARM as FALSE_ALARM_OF_FILES
 from mcnav.sampler.distributions import tail_weight
 from mcnav.sampler.error_model import HEAVY_TAILS, LONG_TAILS
 from mcnav.statistics.power import USUAL_POWER
 from mcnav.statistics.proportions import probability_interval
 from tests.calibration.cells import LEVEL, Cell, Tally
 from tests.calibration.identification_trials import ABSENT
+from tests.calibration.named_trials import CHECKS, NO_FAULT
 from tests.calibration.noise_trials import DETECTABLE, DOUBTED
 from tests.calibration.trials import SOURCES
 
@@ -28,6 +30,7 @@ NOMINAL_OF: Final = {
     ("false alarm", DOUBTED): doubts.FALSE_ALARM,
     ("power", DETECTABLE): USUAL_POWER,
     ("false alarm", ABSENT): 0.5 * float(chi2.sf(PENALTY, 1)),
+    ("false alarm", NO_FAULT): CHECKS * FALSE_ALARM_OF_FILES,
 }
 """Nominal rates by kind and statement, where they are others."""
 

@@ -18,7 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
+from mcnav.analysis.comparison import Comparison, Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Finding, Requirement, judge_requirement
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.tails import tails

@@ -129,7 +129,7 @@ def test_a_number_that_has_to_grow() -> None:
 def test_words_on_numbers_that_grow_or_do_not_help(tmp_path: Path, sigma: float, words: str) -> None:
     """No believed start leaves less than 9.95 m."""
     described = believing_too_little(f"{sigma * float(special.ndtri(0.95))} m")
-    found, (_, page) = write_allocation(described, tmp_path, confirm=0)
+    found, (_, page) = write_allocation(described, tmp_path, confirm=0, examine=False)
     (change,) = (each for each in found.goals[0].changes if each.label == "filter.believes.errors.position")
     assert change.reached == (sigma > 9.95)
     assert words in page.read_text()
@@ -145,7 +145,7 @@ def test_a_bias_grows_with_its_instability() -> None:
     described["aiding"][0]["outages"] = [["300 s", "540 s"]]
     described["imu"] = {"grade": "navigation"}
     described["accept"] = {"r95": [described["accept"]["r95"][0] | {"below": "30 m"}]}
-    (goal,) = allocate(described, confirm=0).goals
+    (goal,) = allocate(described, confirm=0, examine=False).goals
     assert goal.met
     assert math.isinf(factor_of(goal, "imu.accelerometer.bias"))
     assert factor_of(goal, "bias and instability, accelerometer") < 100.0
@@ -205,7 +205,7 @@ def test_every_number_of_an_aided_flight() -> None:
     """Requirements during an outage and after it, one of them not met: gains change with the numbers."""
     now = [each.value for each in mcnav.linear_covariance(short(("10 m", "10 m"))).requirements]
     described = short((f"{0.9 * now[0]} m", f"{1.5 * now[1]} m"))
-    found = allocate(described, confirm=0)
+    found = allocate(described, confirm=0, examine=False)
     assert [goal.requirements for goal in found.goals] == [(0,), (0, 1)]
     assert proposals_are_tight(described, found) >= 4
     for goal in found.goals:
@@ -223,7 +223,7 @@ def test_every_number_of_a_flight_that_is_not_aided() -> None:
     now = mcnav.linear_covariance(described).requirements[0].value
     for multiple in (0.8055, 1.2555):
         described["accept"]["cep"][0]["below"] = f"{multiple * now} m"
-        found = allocate(described, confirm=0)
+        found = allocate(described, confirm=0, examine=False)
         assert found.goals[0].met == (multiple > 1.0)
         assert proposals_are_tight(described, found) >= 1
         assert factor_of(found.goals[0], "all numbers") == pytest.approx(round_down(multiple), rel=1e-9)
@@ -234,7 +234,7 @@ def test_the_fewest_numbers_by_one_grade() -> None:
     """Two numbers of a tactical unit moved to the next grade suffice, and no single one does."""
     described = entries(16)
     described["accept"] = {"cep": [{"outputs": ["position_north", "position_east"], "below": "60 km"}]}
-    found = allocate(described, confirm=0)
+    found = allocate(described, confirm=0, examine=False)
     grades = found.grades
     assert grades is not None
     assert grades.exhaustive
@@ -256,7 +256,7 @@ def test_the_fewest_numbers_by_one_grade() -> None:
 def test_no_grade_suffices() -> None:
     described = entries(16)
     described["accept"] = {"cep": [{"outputs": ["position_north", "position_east"], "below": "1 m"}]}
-    grades = allocate(described, confirm=0).grades
+    grades = allocate(described, confirm=0, examine=False).grades
     assert grades is not None
     assert grades.changes == ()
     assert grades.whole is not None
@@ -267,7 +267,7 @@ def test_a_campaign_needs_requirements_that_linear_analysis_can_judge() -> None:
     described = hover("1 km")
     described["accept"] = {"sigma_ratio": "5 %"}
     with pytest.raises(mcnav.CampaignError, match="no requirement that linear analysis can judge"):
-        allocate(described, confirm=0)
+        allocate(described, confirm=0, examine=False)
 
 
 def test_files(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.config.read import read_campaign
 from mcnav.contract.samples import Batch, SimulationResult

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from mcnav.cli import app
 from mcnav.judgement.findings import CauseVerdict, Finding, OffsetVerdict
-from mcnav.judgement.likelihood import Factor
+from mcnav.judgement.profile import Factor
 from mcnav.report.pages.judged import offset_words, to_paste
 from tests.recorded_flights import SHORT
 
@@ -129,7 +129,7 @@ def test_a_part_of_a_record_is_judged_and_the_campaign_s_end_counts(tmp_path: Pa
 def test_what_is_to_be_pasted_is_one_document_with_each_table_once() -> None:
     """Two numbers of one table, a delay, an arm, and a process that the campaign lacks."""
     walk, bias = (
-        CauseVerdict(name, f"[imu.gyro] {key}", 1e-4, unit, shown, Factor(2.0, 1.5, 3.0, 9.0), 9.0, None, (), (),
+        CauseVerdict(name, f"[imu.gyro] {key}", 1e-4, unit, shown, Factor(2.0, 1.5, 3.0), 9.0, None, (), (),
                      absent=absent, correlation_time=30.0 if absent else 0.0)
         for name, key, unit, shown, absent in (
             ("gyro_angle_random_walk", "angle_random_walk", "rad/sqrt(s)", "deg/sqrt(h)", False),

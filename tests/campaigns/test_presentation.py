@@ -13,7 +13,8 @@ import pytest
 from scipy import stats
 
 import mcnav
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.analysis.tails import tails
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.contract.quantities import Output, Source

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcnav.analysis.comparison import Criterion, Model
+from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.linearity import alone, together
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.samples import SimulationResult

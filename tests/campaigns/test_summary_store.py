@@ -16,14 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcnav.analysis.block_moments import ReducedSamples
-from mcnav.analysis.comparison import (
-    Criterion,
-    Model,
-    compare_reduced,
-    reduce_stored,
-    reduce_summary,
-)
+from mcnav.analysis.comparison import Criterion, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.failed_samples import failure_bias
+from mcnav.analysis.model import Model
 from mcnav.analysis.running_ratios import convergence
 from mcnav.config.read import parse_campaign
 from mcnav.errors import CampaignError, RunFolderError

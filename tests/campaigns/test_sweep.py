@@ -71,7 +71,7 @@ def test_times_of_any_system_are_those_of_its_linear_analysis(
     size = tomllib.loads(file.read_text())["errors"][key.removeprefix("errors.")]
     swept = run_sweep(
         file,
-        SweepPlan({key: [f"0 {size.partition(' ')[2]}", size]}, [output], 2, times, 1),
+        SweepPlan({key: [f"0 {size.partition(' ')[2]}", size]}, [output], 2, times, 1, examine=False),
     )
     asked = mcnav.linear_covariance(file, np.array(times)).asked
     assert asked is not None
@@ -143,7 +143,7 @@ def test_a_limit_over_two_sigmas_is_an_ellipse() -> None:
 )  # fmt: skip
 def test_every_point_is_the_linear_covariance_of_its_campaign(aided: Path, path: str, unit: str) -> None:
     """True sigma, the filter's sigma and the requirement's value, to rounding in 300 steps: 1e-9."""
-    table = mcnav.sweep(aided, {path: f"0.5, 3, 20 {unit}"}, against=["position_north", "heading"])
+    table = mcnav.sweep(aided, {path: f"0.5, 3, 20 {unit}"}, against=["position_north", "heading"], examine=False)
     for number, size in enumerate((0.5, 3.0, 20.0)):
         answer = mcnav.linear_covariance(vary(aided, {path: f"{size} {unit}"}))
         history = answer.history
@@ -164,7 +164,7 @@ def test_every_point_is_the_linear_covariance_of_its_campaign(aided: Path, path:
 
 def test_a_requirement_in_an_outage_is_just_met_at_the_value_found(aided: Path) -> None:
     """The requirement's margin is one there, to the width of the bracket times the slope, which is below one."""
-    table = mcnav.sweep(aided, {"aiding.gnss.position": "1..50 m"}, points=5)
+    table = mcnav.sweep(aided, {"aiding.gnss.position": "1..50 m"}, points=5, examine=False)
     (found,) = table.attrs["just_met"]
     (value,) = found["just_met"]
     (judged,) = mcnav.linear_covariance(vary(aided, {"aiding.gnss.position": f"{value!r} m"})).requirements
@@ -174,7 +174,7 @@ def test_a_requirement_in_an_outage_is_just_met_at_the_value_found(aided: Path) 
 def test_how_long_an_outage_may_be_with_each_grade(aided: Path, tmp_path: Path) -> None:
     """Of each grade the requirement is just met at the length that is found; a state's presence is no number."""
     varied = {"aiding.gnss.outages.1.length": "20..150 s", "imu.grade": "navigation, tactical"}
-    sweep, files = write_sweep(aided, SweepPlan(varied, points=4), tmp_path)
+    sweep, files = write_sweep(aided, SweepPlan(varied, points=4, examine=False), tmp_path)
     assert [each.path for each in sweep.variables] == ["imu.grade", "aiding.gnss.outages.1.length"]
     lengths = []
     for grade, found in zip(("navigation", "tactical"), sweep.just_met, strict=True):
@@ -233,13 +233,13 @@ def test_a_long_grid_says_which_points_are_shown(aided: Path) -> None:
 
 def test_threads_and_order_do_not_matter(aided: Path) -> None:
     varied = {"imu.gyro.bias": "0.1..10 deg/h", "aiding.gnss.position": "1, 9 m"}
-    one, two = (mcnav.sweep(aided, varied, points=2, jobs=jobs) for jobs in (1, 2))
+    one, two = (mcnav.sweep(aided, varied, points=2, jobs=jobs, examine=False) for jobs in (1, 2))
     pd.testing.assert_frame_equal(one, two, check_exact=True)
     assert one.shape[0] == 4
 
 
 def test_other_times_and_campaigns_without_requirements() -> None:
-    table = mcnav.sweep(FREE, {"imu.gyro.bias": "0.001, 0.1 deg/h"}, at="600 s, 30 min")
+    table = mcnav.sweep(FREE, {"imu.gyro.bias": "0.001, 0.1 deg/h"}, at="600 s, 30 min", examine=False)
     answer = mcnav.linear_covariance(vary(FREE, {"imu.gyro.bias": "0.1 deg/h"}), np.array([600.0, 1800.0]))
     assert answer.asked is not None
     for number, time in enumerate((600, 1800)):
@@ -253,7 +253,7 @@ def test_other_times_and_campaigns_without_requirements() -> None:
 
 def test_limits_of_the_campaign_itself_can_be_varied(aided: Path) -> None:
     """The radius does not change, and its limit is just met at it."""
-    table = mcnav.sweep(aided, {"accept.r95.1.below": "1..20 m"}, points=4)
+    table = mcnav.sweep(aided, {"accept.r95.1.below": "1..20 m"}, points=4, examine=False)
     (found,) = table.attrs["just_met"]
     (radius,) = table.filter(like="r95").filter(like="outages [m]").iloc[:, 0].unique()
     assert found["just_met"] == pytest.approx([radius], rel=2.0 * TOLERANCE)

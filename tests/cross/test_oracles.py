@@ -9,7 +9,8 @@ from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
 from filterpy.stats import NEES
 from scipy import optimize, stats
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.contract.engine import without_noise
 from mcnav.contract.samples import SimulationResult
 from mcnav.linear.covariance import propagated_covariance

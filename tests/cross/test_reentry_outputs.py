@@ -7,8 +7,9 @@ import pytest
 
 from mcnav.contract.engine import without_noise
 from mcnav.contract.quantities import Output
+from mcnav.systems.reentry.engines import EnsembleEngine
 from mcnav.systems.reentry.outputs import DEVIATIONS, FURTHER, FurtherOutput, append_errors
-from mcnav.systems.reentry.scenario import EnsembleEngine, Flight, Reentry
+from mcnav.systems.reentry.scenario import Flight, Reentry
 from mcnav.systems.reentry.table_i import TABLE_I, start_state
 from mcnav.systems.reentry.vehicle import Vehicle
 from tests.conftest import SIZES

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing import active_children
 from pathlib import Path
 
-from mcnav.analysis.comparison import Model
+from mcnav.analysis.model import Model
 from mcnav.config.read import Campaign
 from mcnav.execution.progress import Silent
 from mcnav.linear.block_sums import Normalization

@@ -17,10 +17,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from mcnav.errors import RunFolderError
+from mcnav.files import parquet_reading
 from mcnav.files.parquet import parquet_bytes
+from mcnav.files.parquet_reading import MOST_PARTS, table_from
 from mcnav.report.pages.comparison import MOST_INPUTS
-from mcnav.store import chunk_files
-from mcnav.store.chunk_files import MOST_PARTS, table_from
 from mcnav.store.manifest import MOST_KEYS
 from mcnav.store.run_files import MOST_ENTRIES
 from mcnav.store.run_folder import RunFolder
@@ -163,7 +163,7 @@ def test_entries_beyond_number(name: str, place: Path) -> None:
 )
 def test_tables_that_hold_one_thing_many_times(column: Callable[[], pa.Array], monkeypatch: pytest.MonkeyPatch) -> None:
     """A dictionary has it once, so that the bytes that a file claims say nothing."""
-    monkeypatch.setattr(chunk_files, "MOST_TEXT", 10_000_000)
+    monkeypatch.setattr(parquet_reading, "MOST_TEXT", 10_000_000)
     sink = io.BytesIO()
     pq.write_table(pa.table({"a": column(), "b": column()}), sink, compression="zstd")
     assert len(sink.getvalue()) < 1_000_000

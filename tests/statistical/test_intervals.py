@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.contract.engine import without_noise
 from mcnav.sampler.designs import DESIGNS, SamplingDesign, standard_normals
 from mcnav.statistics.correlation import fisher_interval

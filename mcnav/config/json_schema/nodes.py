@@ -13,8 +13,8 @@ Node = dict[str, Any]
 NUMBER: Final = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 """Beginning of every quantity; draft 7 of JSON schema has no way to check the unit itself."""
 
-QUANTITY: Final = NUMBER + r"\s*([A-Za-zµμ%°º˚′″'’”\"√(]|\s1\s*/)"
-"""Beginning of a quantity with a unit."""
+QUANTITY: Final = NUMBER + r"\s*([A-Za-zµμ%°º˚′″'’”\"√(]|\s1\s*/|\.\.)"
+"""Beginning of a quantity with a unit, or of a range."""
 
 BOUNDS: Final = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 KEYWORDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}

@@ -2,8 +2,8 @@
 
 A table uses the first of these forms that fits: as it is; with headings and texts wrapped between words; without spare
 columns, which a line below names; with the first columns wrapped, too; in blocks of columns that repeat the first ones;
-as one record below another, also where a text would be taller than `TALLEST`. In a pipe or a file the width is
-unlimited.
+as one record below another. No text is taller than `TALLEST`, but for lists of shares, which have a line for each. In a
+pipe or a file the width is unlimited.
 """
 
 from __future__ import annotations
@@ -27,8 +27,11 @@ UNLIMITED: Final = 1_000_000
 GAP: Final = 2
 """Spaces between columns."""
 
-TALLEST: Final = 8
+TALLEST: Final = 2
 """Lines of a text in a column, above which it is read more easily in a record."""
+
+SHARES: Final = " %, "
+"""Between the entries of a list of shares."""
 
 INDENT: Final = 2
 """Spaces before the lines of a record."""
@@ -103,6 +106,8 @@ class FittedTable:
         if self.title:
             yield from _wrapped(console, Text(self.title, style="bold"), width)
         everything = list(range(len(self.columns)))
+        if sum(map(self._widest, everything)) + GAP * (len(everything) - 1) > width:
+            self.rows = [list(map(_one_a_line, row)) for row in self.rows]
         kept, blocks = self._layout(everything, width)
         for number, block in enumerate(blocks):
             if number:
@@ -126,23 +131,31 @@ class FittedTable:
         keys, others = columns[: self.keys], columns[self.keys :]
         blocks: list[list[int]] = []
         for at in others:
-            if blocks and self._fits([*blocks[-1], at], width):
+            if blocks and self._can_be_read([*blocks[-1], at], width):
                 blocks[-1].append(at)
-            elif self._fits([*keys, at], width):
+            elif self._can_be_read([*keys, at], width):
                 blocks.append([*keys, at])
             else:
                 return columns, []
-        if not others and self._fits(keys, width):
+        if not others and self._can_be_read(keys, width):
             blocks.append(keys)
-        return columns, [] if any(self._height(block, width) > TALLEST for block in blocks) else blocks
+        return columns, blocks
+
+    def _can_be_read(self, columns: Sequence[int], width: int) -> bool:
+        return self._fits(columns, width) and self._height(columns, width) <= TALLEST
+
+    def _has_lists(self, at: int) -> bool:
+        """Return whether a column has texts of several lines, which are not wrapped."""
+        return any("\n" in row[at].plain for row in self.rows)
 
     def _height(self, columns: Sequence[int], width: int) -> int:
-        """Return the lines of the tallest text in a block."""
-        widths = zip(columns, self._widths(columns, width), strict=True)
-        return max(
-            (len(wrap(row[at].plain, size)) for at, size in widths if self._widest(at) > size for row in self.rows),
-            default=1,
-        )
+        """Return the lines of the tallest heading or text in a block, lists aside."""
+        heights = [1]
+        for at, size in zip(columns, self._widths(columns, width), strict=True):
+            if self._widest(at) > size:
+                cells = [] if self._has_lists(at) else [row[at].plain for row in self.rows]
+                heights += [len(wrap(text, size)) for text in (self.columns[at].heading, *cells)]
+        return max(heights)
 
     def _fits(self, columns: Iterable[int], width: int, whole_keys: bool = False) -> bool:
         needed = [self._widest(at) if whole_keys and at < self.keys else self._narrowest(at) for at in columns]
@@ -151,12 +164,15 @@ class FittedTable:
     def _narrowest(self, at: int) -> int:
         """Return the width below which a number or a word would be broken."""
         column, cells = self.columns[at], [row[at].plain for row in self.rows]
+        if self._has_lists(at):
+            return max(cell_len(line) for cell in cells for line in cell.split("\n"))
         words = [word for text in (column.heading, *(cells if column.text else ())) for word in text.split()]
         return max(map(cell_len, words + ([] if column.text else cells)), default=0)
 
     def _widest(self, at: int) -> int:
         """Return the width at which nothing is wrapped."""
-        return max(map(cell_len, (self.columns[at].heading, *(row[at].plain for row in self.rows))))
+        lines = [line for row in self.rows for line in row[at].plain.split("\n")]
+        return max(map(cell_len, (self.columns[at].heading, *lines)))
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
         """Return the width of each column; the widest are narrowed until all fit, the first columns last."""
@@ -193,8 +209,14 @@ class FittedTable:
             heads = len(row) > 1 and not any(cell.plain for cell in row[1:])
             for place, at in enumerate(columns[:1] if heads else columns):
                 heading = self.columns[at].heading
-                line = Text.assemble((f"{heading}: " if heading and not heads else "", Style(bold=True)), row[at])
+                cell = Text(row[at].plain.replace("\n", ", ")) if "\n" in row[at].plain else row[at]
+                line = Text.assemble((f"{heading}: " if heading and not heads else "", Style(bold=True)), cell)
                 yield from _wrapped(console, line, width, INDENT if place else 0)
+
+
+def _one_a_line(cell: Text) -> Text:
+    """Put each entry of a list of shares on a line of its own."""
+    return Text(cell.plain.replace(SHARES, " %\n")) if SHARES in cell.plain else cell
 
 
 def _wrapped(console: Console, text: Text, width: int, indent: int = 0) -> Iterable[Text]:

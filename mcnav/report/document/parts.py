@@ -243,6 +243,8 @@ class Page:
         Sections that are folded, below the others.
     short : bool
         Whether the folds may stand on the first screen as well, because it says little.
+    slide : bool
+        Whether the head fills the first screen of a page without folds.
     status, tone : str
         The foremost answer in words, which the title of the window begins with, and its tone, which colours the
         window's icon; empty: none.
@@ -258,6 +260,7 @@ class Page:
     tone: str = ""
     folds: Sequence[Fold] = ()
     short: bool = False
+    slide: bool = False
 
     @property
     def measured(self) -> bool:

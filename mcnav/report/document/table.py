@@ -230,16 +230,16 @@ class Table(Generic[Row]):
     def headings(self) -> list[str]:
         """Heading above each row; empty where the row before has the same."""
         groups = ["", *("" if self.group is None else self.group(row) for row in self.rows)]
-        return [each if each != before else "" for before, each in pairwise(groups)]
+        return [group if group != before else "" for before, group in pairwise(groups)]
 
-    def placed(self) -> Iterator[tuple[str, list[tuple[Column[Row], Cell]]]]:
-        """Yield for each row of a page its verdict and its cells, without those that others cover."""
+    def placed(self) -> Iterator[tuple[str, str, list[tuple[Column[Row], Cell]]]]:
+        """Yield for each row of a page the heading above it, its verdict and its cells, without those covered."""
         columns = self.columns_in("page")
-        for row, cells in zip(self.rows, self.cells_in("page"), strict=True):
+        for heading, row, cells in zip(self.headings, self.rows, self.cells_in("page"), strict=True):
             covered, placed = 0, list[tuple[Column[Row], Cell]]()
             for column, cell in zip(columns, cells, strict=True):
                 if covered == 0 and cell.rows:
                     placed.append((column, cell))
                     covered = cell.columns
                 covered = max(covered - 1, 0)
-            yield "" if self.verdict is None else self.verdict(row), placed
+            yield heading, "" if self.verdict is None else self.verdict(row), placed

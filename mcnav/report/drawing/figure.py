@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure as MplFigure
 
-HALF, THIRD = (422.0, 260.0), (298.0, 278.0)
+HALF, THIRD = (422.0, 260.0), (298.0, 250.0)
 """Sizes of a panel, px: two or three side by side on a wide page, and text of one size in both."""
 
 SEVERAL: Final = 4

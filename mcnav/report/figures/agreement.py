@@ -15,7 +15,7 @@ from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span, Steps, Text
 from mcnav.report.drawing.palette import AREA, BAND, FLOWN, LINEAR, MUTED
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.results.worst_components import worst_components
+from mcnav.report.results.worst_components import foremost_outputs
 
 PAIRED, PLAIN = "Monte Carlo (paired)", "Monte Carlo (plain)"
 RATIOS: Final = {"paired": Series("paired", PAIRED, FLOWN, "dot"), "plain": Series("plain", PLAIN, MUTED, "square")}
@@ -46,9 +46,9 @@ def forest(series: Series, places: ArrayLike, judged: Sequence[Ratio], names: Se
 def sigma_ratios(content: RunAnalysis) -> Figure:
     """Draw a forest plot of the sigma ratios against the tolerance, and the paired ones magnified.
 
-    Of a closed loop's vectors the worst component is drawn.
+    Of a closed loop those are drawn that matter most.
     """
-    picked = worst_components(content)
+    picked = foremost_outputs(content)
     names, rows = [content.output_names[i] for i in picked], np.arange(len(picked))
     judged: dict[str, list[Ratio]] = {}
     for kind in RATIOS:
@@ -122,7 +122,6 @@ def running_ratios(content: RunAnalysis) -> Figure | None:
         key=(*RUNNING.values(), TOLERANCE),
         columns=columns,
         size=side_by_side(len(shown), 225.0),
-        caption="Sigma ratio of the first n samples against n, with individual intervals.",
     )
 
 
@@ -167,7 +166,6 @@ def nees(content: RunAnalysis) -> Figure | None:
         ],
         key=(flown, theory, quantiles),
         columns={"NEES from": edges[:-1], "to": edges[1:], "samples": counts, "expected": by_theory},
-        caption="NEES follows the chi-square distribution if the errors are normally distributed.",
     )  # fmt: skip
 
 

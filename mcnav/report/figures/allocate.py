@@ -20,9 +20,12 @@ SMALLEST: Final = 1e-3
 """Smallest multiple that is drawn; below it points stand at the edge."""
 
 
-def multiples(goal: Goal, place: int) -> Figure | None:
-    """Draw the multiples of the numbers that meet a goal on a logarithmic axis; none where there are none."""
-    changes = [change for change in goal.changes if change.reached]
+def multiples(goal: Goal, place: int, most: int | None = None) -> Figure | None:
+    """Draw the multiples of the numbers that meet a goal on a logarithmic axis, or of the first ``most``.
+
+    None where there are none.
+    """
+    changes = [change for change in goal.changes if change.reached][:most]
     if not changes:
         return None
     names, factors = [change.label for change in changes], np.array([change.factor for change in changes])

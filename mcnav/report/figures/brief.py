@@ -79,6 +79,6 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
         key=(),
         columns={"cause": [name for name, _ in shares], "share, %": [100.0 * share for _, share in shares]},
         size=(HALF[0], 90.0 + 24.0 * len(rows)),
-        caption="Mean squares of independent causes add up, sigmas do not.",
+        caption="Mean squares add up, sigmas do not.",
         shows=f"{words}.",
     )

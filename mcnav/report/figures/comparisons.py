@@ -13,13 +13,13 @@ from mcnav.analysis.summary import Summary
 from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Rule, Series, axis
-from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR, SOURCE_COLOURS
+from mcnav.report.drawing.palette import FILTER, FLOWN, INK, LINEAR
 from mcnav.report.format import number
 from mcnav.report.names import humanize, labels_in, shown_units
 from mcnav.report.statements.means import large_means_of
 
-COLOURS: Final = tuple(SOURCE_COLOURS[place] for place in (0, 4, 2, 6, 5, 11))
-"""Colours of runs."""
+RUNS: Final = ("line", "dashed", "dotted", "dashdot", "long")
+"""Lines of runs; their colours are those of the methods."""
 
 LISTED: Final = 8
 """Causes of a waterfall that are named; the others stand together."""
@@ -42,7 +42,7 @@ def curves(titles: Sequence[str], summaries: Sequence[Summary], known: Sequence[
     first = known[0]
     if first is None:
         return None
-    series, panels, columns = dict[int, Series](), list[Panel](), dict[str, Array]()
+    series, panels, columns = dict[int, tuple[Series, Series]](), list[Panel](), dict[str, Array]()
     for name in summaries[0].names:
         marks, reached = list[Mark](), 0
         for run, (summary, over_time) in enumerate(zip(summaries, known, strict=True)):
@@ -52,9 +52,9 @@ def curves(titles: Sequence[str], summaries: Sequence[Summary], known: Sequence[
             linear, flown = over_time.linear_sigma[:, at] * scale, over_time.sigma[:, at] * scale
             if not (linear.any() or flown.any()):
                 continue
-            series.setdefault(run, Series(f"run-{run}", f"{titles[run]}, linear", COLOURS[run % len(COLOURS)]))
-            dashed = _flown(series[run], titles[run])
-            marks += [Line(series[run], over_time.times, linear, 2.3), Line(dashed, over_time.times, flown)]
+            series.setdefault(run, _of_run(run, titles[run]))
+            by_samples, by_linear = series[run]
+            marks += [Line(by_samples, over_time.times, flown, 3.0), Line(by_linear, over_time.times, linear, 1.6)]
             reached += 1
         if reached > 1:
             panels.append(
@@ -63,13 +63,12 @@ def curves(titles: Sequence[str], summaries: Sequence[Summary], known: Sequence[
             columns |= _columns(panels[-1], first)
     if not panels:
         return None
-    key = [each for run, one in series.items() for each in (one, _flown(one, titles[run]))]
     return Figure(
         name="curves",
         title="Sigmas over time",
         description="Linear and Monte Carlo sigma of each output over time, of each run.",
         panels=panels,
-        key=key,
+        key=[entry for of_run in series.values() for entry in of_run],
         columns=columns,
         size=side_by_side(len(panels)),
         caption="Sigmas alone: mean errors, which exceed one sigma at the end of a run, are not in them."
@@ -78,8 +77,13 @@ def curves(titles: Sequence[str], summaries: Sequence[Summary], known: Sequence[
     )
 
 
-def _flown(linear: Series, title: str) -> Series:
-    return Series(f"{linear.name}-flown", f"{title}, Monte Carlo", linear.colour, "dashed")
+def _of_run(run: int, title: str) -> tuple[Series, Series]:
+    """Return the entries of the key for the Monte Carlo and the linear sigma of a run."""
+    line = RUNS[run % len(RUNS)]
+    return (
+        Series(f"run-{run}-flown", f"{title}, Monte Carlo", FLOWN, line),
+        Series(f"run-{run}", f"{title}, linear", LINEAR, line),
+    )
 
 
 def _shares(first: Summary, other: Summary, name: str) -> bool:
@@ -175,7 +179,7 @@ def waterfall(titles: tuple[str, str], first: Summary, second: Summary, label: s
         key=(TOTAL, MORE, LESS),
         columns=columns,
         size=(HALF[0], 82.0 + 24.0 * most),
-        caption="Variances of independent causes add up, sigmas do not. Pointing at a bar shows sigmas.",
+        caption="Variances add up, sigmas do not. Point at a bar for sigmas.",
     )
 
 

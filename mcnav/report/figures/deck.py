@@ -14,7 +14,7 @@ from mcnav.analysis.filter_remarks import instant
 from mcnav.arrays.types import Array
 from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.report.drawing.coastline import Box, coast, grid
-from mcnav.report.drawing.figure import HALF, Figure, MovedFigure
+from mcnav.report.drawing.figure import THIRD, Figure, MovedFigure
 from mcnav.report.drawing.gapped import upward
 from mcnav.report.drawing.marks import Axis, Bars, Line, Mark, Panel, Points, Rule, Series, Text, axis
 from mcnav.report.drawing.palette import FILTER, FLOWN, GRID, INK, LINEAR, MUTED, OUTAGE, POINT, SOURCE_COLOURS
@@ -23,7 +23,7 @@ from mcnav.report.figures.truth import KINDS, ROUTES, SMALLEST
 from mcnav.report.pages.run.deck import SUBJECTS, Deck, Dispersion, deck_of
 from mcnav.report.results.model import RunAnalysis
 
-SIZE: Final = (HALF[0], 320.0)
+SIZE: Final = THIRD
 """Size of a panel, px."""
 
 WIDEST: Final = 7.0
@@ -58,14 +58,15 @@ REJECTED: Final = Series("rejected", "rejected updates", FLOWN, "dot")
 
 
 def series_of(dispersion: Dispersion, truth: bool) -> Series:
-    """Return the entry of the key for an ellipse; colours tell methods, or kinds where the truth is dispersed."""
+    """Return the entry of the key for an ellipse: colours tell methods, lines kinds where the truth is dispersed."""
     kind, route = dispersion.kind, dispersion.route
     name = f"{kind}-{route.split()[0].lower()}"
     if route == "filter":
-        return Series(name, f"{SUBJECTS[kind]}, filter's own" if truth else "filter's own", FILTER)
+        line = KINDS["own"][1] if truth else "line"
+        return Series(name, f"{SUBJECTS[kind]}, filter's own" if truth else "filter's own", FILTER, line)
     if truth:
-        return Series(name, f"{SUBJECTS[kind]}, {route}", KINDS[kind][1], ROUTES[route])
-    return Series(name, route, {"Monte Carlo": FLOWN, "linear": LINEAR}[route])
+        return Series(name, f"{SUBJECTS[kind]}, {route}", ROUTES[route], KINDS[kind][1])
+    return Series(name, route, ROUTES[route])
 
 
 def deck(content: RunAnalysis) -> Figure | None:
@@ -153,8 +154,8 @@ def _caption(known: Deck, factor: float) -> str:
         enlarged = f"; ellipses on it are {factor:,.0f} times as large" if factor > 1.0 else ""
         said.append(f"{on}{enlarged}.")
     said.append(
-        "Ellipses hold 95 % of a normal distribution of that mean and covariance; sizes are half of their longer axes. "
-        "Causes are shares of the linear mean square of both directions."
+        "Ellipses hold 95 % of a normal distribution; sizes are half of their longer axes. Causes are shares of the "
+        "linear mean square of both directions."
     )
     return " ".join(said)
 

@@ -71,8 +71,7 @@ def errors_and_sigmas(content: RunAnalysis, consistency: FilterConsistency) -> F
         key=[*listed, *drawn, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(known)),
-        caption="Sigmas after the last update at or before each epoch. The filter's is the root of the mean variance "
-        "that all samples' filters state.",
+        caption="Filter sigma: root of the mean variance over all samples.",
     )
 
 

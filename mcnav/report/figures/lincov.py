@@ -139,7 +139,6 @@ def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:
         key=(SIZE, COUNTED, LIMIT, *shading_key(shaded)),
         columns=columns,
         size=side_by_side(len(panels)),
-        caption="After updates, for normal errors.",
     )
 
 
@@ -217,5 +216,4 @@ def correlations(answer: LinearAnswer) -> Figure:
             "correlation": answer.correlation[rows, across],
         },
         size=(HALF[0], 60.0 + 36.0 * len(names)),
-        caption="The table has the covariances.",
     )

@@ -51,8 +51,7 @@ def nees_over_time(content: RunAnalysis) -> Figure | None:
         key=[FLOWN_MEAN, INTERVAL, *([BY_LINEAR] if linear else []), BOUNDS, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(groups), 230.0),
-        caption="The NEES of a consistent filter is the number of states on average. Above the bounds, which hold "
-        "for all epochs together, the filter is optimistic, below pessimistic.",
+        caption="A consistent filter stays within the bounds, which hold for all epochs together. Above: optimistic.",
     )
 
 
@@ -109,8 +108,7 @@ def nis_over_time(content: RunAnalysis) -> Figure | None:
         key=[FLOWN_MEAN.of_kind("line"), BOUNDS, *shading_key([span for each in shaded.values() for span in each])],
         columns=columns,
         size=side_by_side(len(sensors), 230.0),
-        caption="Mean over all updates since the epoch before; the NIS of a consistent filter is the number of "
-        "measured components on average. Without updates there is none.",
+        caption="Mean over all updates since the epoch before.",
     )
 
 

@@ -9,12 +9,12 @@ from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
 from mcnav.report.figures.outages import outages
 from mcnav.report.figures.sources import contributors, flown_shares, origins, variance_over_time
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.results.worst_components import worst_components
+from mcnav.report.results.worst_components import foremost_outputs
 
 
 def budget(content: RunAnalysis) -> Figure:
     """Draw shares of each contributor in each output's linear variance: linear, and by Monte Carlo if known."""
-    picked = worst_components(content)
+    picked = foremost_outputs(content)
     linear = np.nan_to_num(content.budget.attributed)[picked]
     flown = None if content.budget.crossed else flown_shares(content)  # each source alone: they would not add up
     flown = None if flown is None else flown[picked]

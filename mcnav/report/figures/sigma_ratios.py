@@ -69,7 +69,6 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
         key=[RATIO, INTERVAL, *([BY_LINEAR] if linear else []), TOLERANCE, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(max(len(shown), ABREAST)),
-        caption="Above one the filter is optimistic.",
     )
 
 

@@ -13,7 +13,8 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 
 from mcnav.analysis.accuracy_measures import Measure
-from mcnav.analysis.sweep import JustMet, Sweep, Variable
+from mcnav.analysis.examination import Linearity
+from mcnav.analysis.sweep import JustMet, Point, Sweep, Variable
 from mcnav.arrays.types import Array
 from mcnav.physics.units import conversion
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
@@ -47,6 +48,8 @@ BOUNDARY: Final = Series("limit", "limit", INK)
 MET: Final = Series("met", "point of the grid that meets it", MUTED, "dot")
 ADDED: Final = Series("added", "value added between those of the grid", LINEAR, "dot")
 SOLVED: Final = Series("solved", "limit just met, solved", INK, "dot")
+DOUBTED: Final = Series("doubted", "linear analysis, not shown to hold", LINEAR, "dashed")
+FAILING: Final = Series("failing", "linear analysis not shown to hold", INK, "square")
 CHECKED: Final = Series("flown", "Monte Carlo", FLOWN, "ring")
 
 
@@ -77,8 +80,7 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[An
     columns : mapping of str to ndarray
         The numbers behind it.
     """
-    curves = len(sweep.variables) == 1 or bool(sweep.variables[0].words)
-    draw = _curve if len(sweep.variables) == 1 else _family if curves else _contours
+    draw = _curve if len(sweep.variables) == 1 else _family if sweep.curves else _contours
     panels = [draw(sweep, number, title) for number, title in enumerate(titles)]
     return Figure(
         name="sweep",
@@ -88,7 +90,7 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[An
         panels=panels,
         key=_key(sweep),
         columns=columns,
-        size=side_by_side(len(panels), 300.0) if curves else (HALF[0], 330.0),
+        size=side_by_side(len(panels), 300.0) if sweep.curves else (HALF[0], 330.0),
         file="sweep.csv",
     )
 
@@ -96,21 +98,29 @@ def figure(sweep: Sweep, titles: Sequence[str], columns: Mapping[str, NDArray[An
 def _key(sweep: Sweep) -> list[Series]:
     """Return the series that some panel has."""
     limits: list[Series] = []
+    along = len(sweep.variables) == 1 and not sweep.variables[0].words
+    doubted = [DOUBTED if along else FAILING] if sweep.doubted else []
     if len(sweep.variables) == 2 and sweep.variables[0].words:
         limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
         solved = [SOLVED] if any(allocation.values for allocation in sweep.just_met) else []
-        return [*(numbered(place, word) for place, word in enumerate(sweep.variables[0].words)), *limits, *solved]
+        return [
+            *(numbered(place, word) for place, word in enumerate(sweep.variables[0].words)),
+            *doubted,
+            *limits,
+            *solved,
+        ]
     if len(sweep.variables) == 1:
         limits = [LIMIT] if np.isfinite(sweep.bounds).any() else []
     elif (met := sweep.margins <= 0.0).any():
         crossed = (met & np.isfinite(sweep.margins)).any(axis=(0, 1)) & (sweep.margins > 0.0).any(axis=(0, 1))
         limits = [*([BOUNDARY] if crossed.any() else []), MET]
     checked = any(np.isfinite(confirmation.values).any() for confirmation in sweep.confirmations)
-    words = bool(sweep.variables[0].words)
+    of_words = bool(sweep.variables[0].words)
     return [
-        TRUE.of_kind("dot") if words else TRUE,
+        TRUE.of_kind("dot") if of_words else TRUE,
+        *doubted,
         *(
-            [OWN.of_kind("dot") if words else OWN]
+            [OWN.of_kind("dot") if of_words else OWN]
             if any(differs(sweep, index) for index in range(len(sweep.measures)))
             else []
         ),
@@ -140,7 +150,11 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     added = np.array([panel[number] for _, panel in sweep.added]) * scale
     order = np.argsort(np.concatenate([variable.values, places]), kind="stable")
     across, along = np.concatenate([variable.values, places])[order], np.concatenate([values, added])[order]
-    marks.append(Points(TRUE.of_kind("dot"), across, along, 7.0) if variable.words else Line(TRUE, across, along, 2.2))
+    if variable.words:
+        marks.append(Points(TRUE.of_kind("dot"), across, along, 7.0))
+        marks += _failing(sweep, number, values, variable.values)
+    else:
+        marks += _shown_to_hold(sweep, number, across, along)
     if len(added):
         marks.append(Points(ADDED, places, added, 2.4, 0.7))
     if differs(sweep, number):
@@ -163,6 +177,20 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     return Panel(title, axis_of(variable), Axis("", measure.shown_in, log, None if log else 0.0), marks)
 
 
+def _shown_to_hold(sweep: Sweep, number: int, across: Array, along: Array) -> list[Mark]:
+    """Draw a curve, dashed where linear analysis is not shown to hold."""
+    held = sweep.shown_to_hold([(float(value),) for value in across], number)
+    near = ~held | np.append(~held[1:], False) | np.append(False, ~held[:-1])
+    dashed = [Line(DOUBTED, across, np.where(near, along, np.nan), 2.2, "dashed")] if near.any() else []
+    return [Line(TRUE, across, np.where(held, along, np.nan), 2.2), *dashed]
+
+
+def _failing(sweep: Sweep, number: int, values: Array, across: Array, begin: Point = ()) -> list[Mark]:
+    """Mark the points along the last variable at which linear analysis is not shown to hold."""
+    held = sweep.shown_to_hold([(*begin, float(value)) for value in across], number)
+    return [] if held.all() else [Points(FAILING, across[~held], values[~held], 6.0)]
+
+
 def _family(sweep: Sweep, number: int, title: str) -> Panel:
     """Draw a measure over the second variable, a curve for each word of the first."""
     first, variable = sweep.variables
@@ -175,6 +203,7 @@ def _family(sweep: Sweep, number: int, title: str) -> Panel:
         series = numbered(place, word)
         line = Points(series, variable.values, values[place], 7.0) if variable.words else None
         marks.append(line or Line(series, variable.values, values[place], 2.0))
+        marks += _failing(sweep, number, values[place], variable.values, (float(place),))
     solved = [
         (allocation.fixed, value)
         for allocation in sweep.just_met
@@ -245,6 +274,10 @@ def _contours(sweep: Sweep, index: int, title: str) -> Panel:
         texts = [f"Monte Carlo {number(float(check.values[index] * scale))} {measure.shown_in}" for check in checked]
         x, y = np.array([check.point for check in checked]).T
         marks.append(Points(CHECKED, x, y, 8.0, texts=texts))
+    failing = [point for point, _ in sweep.examined if sweep.verdict_at(point, index) not in (None, Linearity.HOLDS)]
+    if failing:
+        x, y = np.array(failing).T
+        marks.append(Points(FAILING, x, y, 6.5))
     corners = ([across.values[0], across.values[-1]], [up.values[0], up.values[-1]])
     marks.append(Line(TRUE, *corners, 0.0, silent=True))  # the axes reach over the whole grid
     unit = f" [{measure.shown_in}]" if measure.shown_in else ""

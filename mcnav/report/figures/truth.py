@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
 from mcnav.contract.quantities import Output
-from mcnav.report.drawing.figure import HALF, Figure, side_by_side
+from mcnav.report.drawing.figure import THIRD, Figure, side_by_side
 from mcnav.report.drawing.gapped import upward
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis
-from mcnav.report.drawing.palette import FILTER, POINT, SOURCE_COLOURS
+from mcnav.report.drawing.palette import FILTER, FLOWN, LINEAR, POINT
 from mcnav.report.names import humanize, scale_of
 from mcnav.report.results.kinds import Quantity, planes, quantities
 from mcnav.store.manifest import Variable
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from mcnav.report.results.model import RunAnalysis
 
 KINDS: Final = {
-    "true": ("true dispersion", SOURCE_COLOURS[4]),
-    "navigated": ("navigation dispersion", SOURCE_COLOURS[6]),
-    "error": ("navigation error", SOURCE_COLOURS[0]),
-    "own": ("navigation error by the filter", FILTER),
+    "true": ("true dispersion", "line"),
+    "navigated": ("navigation dispersion", "dashed"),
+    "error": ("navigation error", "dotted"),
+    "own": ("navigation error by the filter", "dotted"),
 }
-"""Words and colour of each kind."""
+"""Words of each kind, and its lines; their colours are those of the methods."""
 
-ROUTES: Final = {"Monte Carlo": "line", "linear": "dashed"}
-"""Kind of the lines of each method."""
+ROUTES: Final = {"Monte Carlo": FLOWN, "linear": LINEAR}
+"""Colour of each method."""
 
-WIDTHS: Final = {"true": 3.4, "navigated": 1.9, "error": 2.2, "own": 1.2}
+WIDTHS: Final = {"Monte Carlo": 3.0, "linear": 1.6}
 """Widths of the lines: of two on one another, both are seen."""
 
 SMALLEST: Final = 1e-5
@@ -53,8 +53,9 @@ Curves = dict[tuple[str, str], Array]
 
 def series_of(kind: str, route: str) -> Series:
     """Return the entry of the key for a kind and a route."""
-    words, colour = KINDS[kind]
-    return Series(f"{kind}-{route.split()[0].lower()}", f"{words}, {route}", colour, ROUTES[route])
+    words, line = KINDS[kind]
+    colour = FILTER if kind == "own" else ROUTES[route]
+    return Series(f"{kind}-{route.split()[0].lower()}", f"{words}, {route}", colour, line)
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def dispersion_over_time(content: RunAnalysis) -> Figure | None:
             values = [getattr(stated.get(output.name), attribute, None) for output in outputs]
             nothing = np.full(len(known.times), np.nan)
             own[route] = np.column_stack([nothing if value is None else value for value in values])
-        remark = " The filter's own is the root of the mean variance that the samples' filters state."
+        remark = "By the filter: root of the mean variance over all samples."
     sigma = {"Monte Carlo": known.sigma, "linear": known.linear_sigma}
     return over_time(outputs, SigmasOverTime(known.label, known.times, known.events, sigma, own, remark))
 
@@ -123,8 +124,7 @@ def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Fi
         key=[series_of(kind, route) for route in ROUTES for kind in KINDS if (kind, route) in listed],
         columns=columns,
         size=side_by_side(len(drawn)),
-        caption="True and navigation dispersion are about the nominal; the navigation error is navigated less true. "
-        f"What is below {100.0 * SMALLEST:g} % of a panel's largest is not drawn.{known.remark}",
+        caption=known.remark,
     )
 
 
@@ -143,7 +143,7 @@ def _curves(outputs: Sequence[Variable | Output], known: SigmasOverTime, each: Q
 def _panel(known: SigmasOverTime, each: Quantity, unit: str, curves: Mapping[tuple[str, str], Array]) -> Panel:
     largest = max(float(np.nanmax(curve, initial=0.0)) for curve in curves.values())
     seen = {key: np.where(curve > SMALLEST * largest, curve, np.nan) for key, curve in curves.items()}
-    marks: list[Mark] = [Line(series_of(*key), known.times, part, WIDTHS[key[0]]) for key, part in seen.items()]
+    marks: list[Mark] = [Line(series_of(*key), known.times, part, WIDTHS[key[1]]) for key, part in seen.items()]
     inside = [(at, name) for name, at in known.events.items() if known.times[0] < at < known.times[-1]]
     marks += [Rule(at, name=name) for at, name in inside]
     reach = np.concatenate([*seen.values()])
@@ -159,11 +159,15 @@ def ellipses_at_end(content: RunAnalysis) -> Figure | None:
     panels, listed = [], dict[Series, None]()
     for right, up in pairs:
         marks, entries = _ellipses(content, right, up)
-        listed |= dict.fromkeys(mark.series for mark in marks if isinstance(mark, Line))
+        listed |= dict.fromkeys(line.series for lines in marks.values() for line in lines)
         rows += entries
         points = content.flown[:: -(-len(content.flown) // SCATTERED), [right.true, up.true]]
         x, y = (Axis(humanize(each.name), content.output_units[each.true]) for each in (right, up))
-        panels.append(Panel("", x, y, [Points(SAMPLES, points[:, 0], points[:, 1], 1.8, 0.6), *marks]))
+        samples = Points(SAMPLES, points[:, 0], points[:, 1], 1.8, 0.6)
+        panels += [
+            Panel(KINDS[kind][0], x, y, [*([samples] if kind == "true" else []), *lines])
+            for kind, lines in marks.items()
+        ]
     headings = ("pair", "of", "mean x", "mean y", "σ x", "σ y", "correlation", "x unit", "y unit")
     return Figure(
         name="landing-ellipses",
@@ -173,15 +177,16 @@ def ellipses_at_end(content: RunAnalysis) -> Figure | None:
         panels=panels,
         key=[SAMPLES, *listed],
         columns=dict(zip(headings, zip(*rows, strict=True), strict=True)),
-        size=(HALF[0], 340.0),
-        caption=f"Ellipses that hold {100.0 * PROBABILITY:g} % of a normal distribution of that mean and covariance; "
-        "Monte Carlo: of all samples. What is not dispersed has none. Axes are scaled separately.",
+        size=THIRD,
+        caption=f"Ellipses hold {100.0 * PROBABILITY:g} % of a normal distribution. Axes are scaled separately.",
     )
 
 
-def _ellipses(content: RunAnalysis, right: Quantity, up: Quantity) -> tuple[list[Mark], list[tuple[object, ...]]]:
-    """Return the ellipses of a pair, and the numbers behind them."""
-    comparison, marks, rows = content.comparison, list[Mark](), list[tuple[object, ...]]()
+def _ellipses(
+    content: RunAnalysis, right: Quantity, up: Quantity
+) -> tuple[dict[str, list[Line]], list[tuple[object, ...]]]:
+    """Return the ellipses of a pair by kind, and the numbers behind them."""
+    comparison, marks, rows = content.comparison, dict[str, list[Line]](), list[tuple[object, ...]]()
     moments = {
         "Monte Carlo": (comparison.mean_sample, comparison.covariance_sample),
         "linear": (content.model.outcome_mean, comparison.covariance_linear),
@@ -197,12 +202,14 @@ def _ellipses(content: RunAnalysis, right: Quantity, up: Quantity) -> tuple[list
             sigmas = np.sqrt(np.diag(square))
             if not np.isfinite(square).all() or not sigmas.any():
                 continue
-            series = series_of(kind, route)
+            words, colour = KINDS[kind][0], ROUTES[route]
             x, y = ellipse(centre, square)
-            marks.append(Line(series, x, y, WIDTHS[kind]))
+            marks.setdefault(kind, []).append(
+                Line(Series(route.split()[0].lower(), route, colour), x, y, WIDTHS[route])
+            )
             related = square[0, 1] / np.prod(sigmas) if sigmas.all() else np.nan
             pair = f"{humanize(right.name)} and {humanize(up.name)}"
-            rows.append((pair, series.label, *map(float, (*centre, *sigmas, related)), *units))
+            rows.append((pair, f"{words}, {route}", *map(float, (*centre, *sigmas, related)), *units))
     return marks, rows
 
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 from mcnav.analysis.allocation import MOST, Allocation, Goal, GradeChange, GradeSearch, NumberChange
+from mcnav.analysis.examination import Linearity
 from mcnav.analysis.linear_answer import LinearRequirement
+from mcnav.analysis.remedies import DOUBTED
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import RequirementEntry
 from mcnav.report.columns.requirements import TONES
 from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, WRAPPED, Cell, Column, Table
+from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures import allocate as drawn
 from mcnav.report.figures.lincov import short_name
 from mcnav.report.format import number
@@ -27,11 +30,14 @@ from mcnav.report.pages.lincov import (
 )
 from mcnav.report.pages.screen import answered
 from mcnav.report.statements.lincov import large_mean_words
+from mcnav.report.statements.words import several
 
-EXPLANATION: Final = (
-    "Linear analysis for normal errors. Every number proposed was put into the campaign, and its linear answer "
-    "computed: it is the value shown."
-)
+EXPLANATION: Final = "Linear analysis for normal errors."
+
+CHECKED: Final = "Each number proposed was put into the campaign: the value shown is that campaign's linear answer."
+
+FIRST: Final = 8
+"""Numbers on the first screen, those that may change least first."""
 
 ALONE: Final = (
     "By linear analysis alone: no number here was simulated. mcnav allocate --confirm 3 simulates the three smallest "
@@ -73,6 +79,11 @@ IN_RUN: Final = (
     "A constant bias that a filter estimates may be large by itself. Real units with a larger bias have a larger "
     "instability of it in run, too: the lines of both together are for them."
 )
+
+AS_IT_IS: Final = "Linear analysis {} of the campaign as it is: simulate it, with --confirm 3."
+NOT_THEN: Final = "Linear analysis does not hold with {}: simulate before you rely on it."
+UNEXAMINED: Final = "Flights did not examine {}: {}. --examine does it."
+"""What is said of the examination of proposals by linear analysis alone."""
 
 ENDED: Final = 1.05
 """Margin from which a multiple is not that at which a requirement is just met."""
@@ -182,6 +193,7 @@ class ChangeRow:
     exceedance: float | None = None
     simulated: str = ""
     confirmed: bool = False
+    linearity: str = ""
 
 
 @dataclass(frozen=True)
@@ -194,6 +206,7 @@ class GradeRow:
     limit: str
     requirement: str
     simulated: str = ""
+    linearity: str = ""
 
 
 def simulated_words(allocation: Allocation, entry: RequirementEntry | None) -> str:
@@ -234,6 +247,7 @@ def change_row(allocation: Allocation, goal: Goal, change: NumberChange) -> Chan
         exceedance=change.result.beyond if math.isfinite(change.result.beyond) else None,
         simulated=simulated_words(allocation, change.simulated),
         confirmed=change.simulated is not None,
+        linearity=change.linearity,
     )
 
 
@@ -273,6 +287,31 @@ def goal_notes(goal: Goal) -> list[str]:
     return notes
 
 
+def _linearity_column() -> Column[Any]:
+    """Return the column that says whether linear analysis holds with a change."""
+
+    def verdict(row: ChangeRow | GradeRow) -> Cell:
+        return Cell(row.linearity or "not examined", tone="undecided" if row.linearity in DOUBTED else None)
+
+    return Column("Linear analysis then", verdict, "linear analysis", "label")
+
+
+def examined_words(allocation: Allocation) -> list[str]:
+    """Say of which proposals linear analysis is not shown to hold, and why others were not examined."""
+    changes = [change for goal in allocation.goals for change in shown_changes(allocation, goal)[0] if change.reached]
+    proposed = [(change.label, change.linearity) for change in changes if change.simulated is None]
+    failing = list(dict.fromkeys(label for label, linearity in proposed if linearity == Linearity.FAILS))
+    words = []
+    if allocation.linearity in DOUBTED:
+        words.append(AS_IT_IS.format(allocation.linearity))
+    if failing:
+        words.append(NOT_THEN.format(several(failing)))
+    if allocation.unexamined:
+        examined = "all changes" if any(linearity for _, linearity in proposed) else "linear analysis"
+        words.append(UNEXAMINED.format(examined, allocation.unexamined))
+    return words
+
+
 def change_table(goal: Goal, caption: str, rows: Sequence[ChangeRow], title: str = "") -> Table[ChangeRow]:
     """Tabulate changes with which a goal is just met, or is not met."""
     several, alone = len(goal.requirements) > 1, {change.label for change in goal.changes if len(change.paths) == 1}
@@ -294,6 +333,7 @@ def change_table(goal: Goal, caption: str, rows: Sequence[ChangeRow], title: str
         Column(heading, lambda row: row.needed, "may be" if goal.met else "just met with", "label"),
         Column("Multiple", lambda row: row.multiple, "multiple"),
         *([simulated] if confirmed else []),
+        *([_linearity_column()] if any(row.linearity in DOUBTED for row in rows) else []),
         Column("Linear value then", value, "linear value then"),
         Column("limit", lambda row: row.limit, place="terminal"),
         *([beyond] if any(row.exceedance is not None for row in rows) else []),
@@ -347,7 +387,7 @@ def grade_rows(allocation: Allocation) -> list[GradeRow]:
         value, limit = value_words(allocation, change.worst)
         finding = "met" if change.met else "not met"
         name, bound = short_name(change.worst, allocation.answer), simulated_words(allocation, change.simulated)
-        rows.append(GradeRow(move_words(change), finding, value, limit, name, bound))
+        rows.append(GradeRow(move_words(change), finding, value, limit, name, bound, change.linearity))
     return rows
 
 
@@ -359,6 +399,7 @@ def grade_table(allocation: Allocation, search: GradeSearch) -> Table[GradeRow]:
         Column("Numbers moved", lambda row: row.moves, "numbers moved by one grade", "words"),
         Column("Finding", lambda row: Cell(row.finding, tone=TONES[row.finding]), "finding", "label"),
         *([simulated] if any(row.simulated for row in rows) else []),
+        *([_linearity_column()] if any(row.linearity in DOUBTED for row in rows) else []),
         Column("Linear value then", lambda row: Cell(row.value, below=WRAPPED(f"limit {row.limit}: {row.requirement}")),
                "linear value then"),
         Column("limit", lambda row: row.limit, place="terminal"),
@@ -369,7 +410,8 @@ def grade_table(allocation: Allocation, search: GradeSearch) -> Table[GradeRow]:
 
 def terminal(allocation: Allocation) -> list[Part]:
     """List what the terminal shows."""
-    parts: list[Part] = [*_mean_errors(allocation), Verdict(*standing(allocation)), Note(basis_words(allocation))]
+    parts: list[Part] = [*_mean_errors(allocation), Verdict(*standing(allocation)), Note(basis_words(allocation)),
+                         *map(Note, examined_words(allocation))]  # fmt: skip
     for goal in allocation.goals:
         notes = [*shown_changes(allocation, goal)[1], *goal_notes(goal)]
         parts += [goal_table(allocation, goal), *map(Note, notes)]
@@ -405,6 +447,7 @@ def table(allocation: Allocation) -> Mapping[str, object]:
         "requirements": [asdict(row) for row in requirement_rows(allocation.answer)],
         "changes": [asdict(row) for row in change_rows(allocation)],
         "grades": grades,
+        "linearity": {"now": allocation.linearity or None, "unexamined": allocation.unexamined or None},
         "linear_answers": allocation.computed,
     }
 
@@ -419,11 +462,21 @@ def page(allocation: Allocation) -> Page:
         table = grade_table(allocation, allocation.grades)
         parts: list[Part] = [Sentence(grade_words(allocation.grades)), *([table] if table.rows else [])]
         sections.append(Section("grades", "By one grade of the catalogue", parts))
+    explained = [*examined_words(allocation), EXPLANATION, basis_words(allocation)]
     return answered(Page(
         f"{name}: allocation", "Allocation of errors", name,
-        [*_mean_errors(allocation), Verdict(words, tone, [EXPLANATION, basis_words(allocation)]), asked], sections,
-        [Note(f"{allocation.computed:,} linear answers were computed.")],
-    ), rest="Requirements")  # fmt: skip
+        [*_mean_errors(allocation), Verdict(words, tone, explained), asked], sections,
+        [Note(f"{allocation.computed:,} linear answers were computed. {CHECKED}")],
+    ), _foremost(allocation), "Requirements")  # fmt: skip
+
+
+def _foremost(allocation: Allocation) -> Figure | None:
+    """Return the figure of the first screen: of the first goal that numbers meet, those that matter most."""
+    drawn_goals = (
+        drawn.multiples(replace(goal, changes=tuple(shown_changes(allocation, goal)[0])), place, FIRST)
+        for place, goal in enumerate(allocation.goals, start=1)
+    )
+    return next((figure for figure in drawn_goals if figure is not None), None)
 
 
 def _goal_section(allocation: Allocation, goal: Goal, place: int) -> Section:

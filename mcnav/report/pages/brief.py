@@ -66,7 +66,7 @@ def page(content: RunAnalysis, links: Links) -> Page:
     present = [section for section in sections if section is not None]
     return Page(
         f"{summary.campaign}, brief", "Brief", summary.campaign, slide.parts, present,
-        status=stated[0].sentence, tone=stated[0].tone,
+        status=stated[0].sentence, tone=stated[0].tone, slide=True,
     )  # fmt: skip
 
 

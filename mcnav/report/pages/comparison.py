@@ -332,12 +332,16 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, 
     def nominal(when: str, place: int) -> Column[Row]:
         return Column(f"Nominal {when}", lambda row: row.nominals[place], f"nominal {when}", form=five_digits)
 
+    squared = any(row.known.about_zero for row in rows)
+    measure = "Paired σ or rms" if squared else "Paired σ"
     columns: list[Column[Row]] = [
         Column("Output", lambda row: Cell(row.title, row.shown_in), words.heading, "label"),
         Column("Run", lambda row: titles[row.run], "run", "label"),
         *([nominal("before", 0), nominal("after", 1)] if any(row.nominal != (None, None) for row in rows) else []),
-        Column("Paired σ before", lambda row: row.known.before * row.scale, "paired σ before", form=five_digits),
-        Column("Paired σ after", lambda row: row.known.after * row.scale, "after", form=five_digits),
+        Column(
+            f"{measure} before", lambda row: row.known.before * row.scale, f"{measure.lower()} before", form=five_digits
+        ),
+        Column(f"{measure} after", lambda row: row.known.after * row.scale, "after", form=five_digits),
         Column("Paired ratio", ratio, "ratio"),
         Column("interval", lambda row: interval(*row.known.interval), place="terminal"),
         Column("Change of the mean", mean, place="page"),
@@ -348,7 +352,7 @@ def change_table(titles: Sequence[str], rows: Sequence[Row], confidence: float, 
         f"{words.title} of each run compared with {titles[0]}. Monte Carlo sigmas (paired estimates), their ratio, and "
         f"the change of the mean ± one standard error. All intervals hold jointly at {100.0 * confidence:g} %."
     )
-    if any(row.known.about_zero for row in rows):
+    if squared:
         caption += " Where a mean error exceeds one sigma in a run, root mean squares are compared in place of sigmas."
     return Table(caption, columns, rows, f"Change from {titles[0]}", keys=2)
 

@@ -8,10 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mcnav.judgement.assessment import FACTORS, LEVEL
+from mcnav.judgement.assessment import LEVEL
 from mcnav.judgement.findings import DELAY, CauseVerdict, Finding, OffsetVerdict
-from mcnav.judgement.likelihood import Factor
+from mcnav.judgement.profile import Factor
 from mcnav.judgement.verdict import Judgement, NeesVerdict, SensorVerdict, Statistic
+from mcnav.judgement.whitened_records import FACTORS
 from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Lines, Note, Part, Sentence, Verdict, joined
 from mcnav.report.document.table import Cell, Column, Table
@@ -40,12 +41,22 @@ INITIAL: Final = ("position", "velocity", "tilt", "heading")
 """Initial errors, whose number in a campaign is a sigma."""
 
 
+def plain_name(name: str) -> str:
+    """Return the words for a number.
+
+    >>> plain_name("gnss_position_correlated"), plain_name("gyro_bias")
+    ('correlated gnss position error', 'gyro bias')
+    """
+    measured = name.removesuffix("_correlated")
+    return humanize(name) if measured == name else f"correlated {humanize(measured)} error"
+
+
 def named(number_: CauseVerdict | OffsetVerdict) -> str:
     """Return the number with its place in the campaign.
 
     The size of a cause is given as well.
     """
-    words = humanize(number_.name)
+    words = plain_name(number_.name)
     if isinstance(number_, OffsetVerdict):
         return words
     if number_.name in INITIAL:
@@ -122,13 +133,14 @@ def signed_estimate(number_: OffsetVerdict, place: int) -> float:
 
 
 def words(finding: Finding) -> str:
-    """Say what is wrong, without a full stop."""
-    number_ = finding.number
-    text = factor_words(number_) if isinstance(number_, CauseVerdict) else offset_words(number_)
-    if finding.rivals:
-        rivals = " or ".join(_article(humanize(name)) for name in finding.rivals)
-        text += f". This record does not tell it apart from {rivals}"
-    return text
+    """Say what is wrong, without a full stop; of numbers that are not told apart, each as if it were it."""
+    first, *others = (
+        factor_words(number_) if isinstance(number_, CauseVerdict) else offset_words(number_)
+        for number_ in finding.alternatives
+    )
+    if not others:
+        return first
+    return f"either {first}, or {', or '.join(others)}; this record does not tell which"
 
 
 def verdict(judgement: Judgement) -> Verdict:
@@ -254,8 +266,9 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
             return "not told"
         if each.factor.low == 0.0:
             return f"at most {number(each.factor.high, 3)}"
-        high = "∞" if np.isinf(each.factor.high) else number(each.factor.high, 3)
-        return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {high})"
+        if np.isinf(each.factor.high):
+            return f"at least {number(each.factor.low, 3)}"
+        return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {number(each.factor.high, 3)})"
 
     columns: list[Column[CauseVerdict]] = [
         Column("Number", lambda row: humanize(row.name), "number", "label"),
@@ -266,8 +279,8 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
         Column("found in 9 of 10 from", lambda row: "–" if row.noticed is None else f"{row.noticed:g} x"),
     ]
     caption = (
-        "Each number alone, all others as in the campaign: its factor by maximum likelihood, with the interval of the "
-        "likelihood ratio. Found: share of simulated records in which it is found."
+        "Each number alone, with what is named changed and all others as in the campaign: its factor by maximum "
+        "likelihood, with the interval of the likelihood ratio. Found: share of simulated records in which it is found."
     )
     return Table(caption, columns, judgement.causes, "Numbers of the campaign")
 
@@ -292,7 +305,10 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
         Column("sigma", lambda row: shown(row, row[0].sigma, 2)),
         Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2)),
     ]
-    caption = "Constant errors that the campaign does not have, each alone. Of a lever arm, the true one is given."
+    caption = (
+        "Constant errors that the campaign does not have, each alone, with what is named changed. Of a lever arm, the "
+        "true one is given."
+    )
     return Table(caption, columns, rows, "Errors that the campaign does not have")
 
 
@@ -367,4 +383,5 @@ def content(judgement: Judgement) -> Mapping[str, Any]:
     table["factors"] = list(FACTORS)
     for finding in table["findings"]:
         finding["number"] = finding["number"]["name"]
+        finding["rivals"] = [rival["name"] for rival in finding["rivals"]]
     return table

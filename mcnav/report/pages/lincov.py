@@ -11,8 +11,9 @@ import numpy as np
 
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.filter_remarks import instant
-from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, causes_at
-from mcnav.analysis.mean_errors import nominal_values
+from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement, Order, causes_at
+from mcnav.analysis.mean_errors import departures, nominal_values
+from mcnav.arrays.types import Array
 from mcnav.contract.quantities import KINDS, Output, end_words, kinds_of
 from mcnav.physics.units import conversion
 from mcnav.report.columns.gates import rejection_words
@@ -22,7 +23,8 @@ from mcnav.report.drawing.axis_groups import stem
 from mcnav.report.figures.lincov import cause_labels, short_name
 from mcnav.report.format import number
 from mcnav.report.names import scale_of, unit_words
-from mcnav.report.statements.examination import examination_words
+from mcnav.report.statements.box import box_words
+from mcnav.report.statements.examination import corrected_words, examination_words
 from mcnav.report.statements.lincov import (
     cause_words,
     filter_words,
@@ -60,9 +62,11 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
     judged = [requirement.met for requirement in answer.requirements if requirement.judged]
     if judged:
         failed, count = judged.count(False), len(judged)
-        partly = " that linear analysis can judge" if count < len(answer.requirements) else ""
+        second = any(requirement.order == Order.SECOND for requirement in answer.requirements)
+        known = " that are judged without samples" if second else " that linear analysis can judge"
+        partly = known if count < len(answer.requirements) else ""
         if count == 1:
-            words = f"The requirement{partly} is {'not ' * failed}met"
+            words = f"The requirement{partly.replace(' are ', ' is ')} is {'not ' * failed}met"
         elif not failed:
             words = f"{'Both' if count == 2 else f'All {count}'} requirements{partly} are met"
         elif failed == count:
@@ -71,7 +75,8 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
             )
         else:
             words = f"{failed} of {count} requirements{partly} {'is' if failed == 1 else 'are'} not met"
-        return words, TONES["not met" if failed else "met"]
+        where = " at the upper ends of the ranges" if answer.box is not None and answer.box.varies else ""
+        return f"{words}{where}", TONES["not met" if failed else "met"]
     names = largest_causes(answer)
     if not names:
         return f"No {end_words(answer.outputs).one} has any dispersion", "undecided"
@@ -82,7 +87,8 @@ def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst."""
     answer = as_read(answer)
     large = list(large_mean_words(answer))
-    said = [*examination_words(answer), *range_words(answer), *rejection_words(answer), *filter_words(answer)]
+    examined = [*examination_words(answer), *corrected_words(answer)]
+    said = [*box_words(answer), *examined, *range_words(answer), *rejection_words(answer), *filter_words(answer)]
     if answer.beyond is None or any(requirement.judged for requirement in answer.requirements):
         said.append(headline(answer))
     return [*large, *worst_first([*said, *([] if large else mean_words(answer)), *size_words(answer)])]
@@ -113,6 +119,8 @@ class RequirementRow:
     at: str
     exceedance: float | None = None
     exceedance_curved: float | None = None
+    order: str = ""
+    doubt: str = ""
 
     @property
     def tone(self) -> str:
@@ -124,7 +132,8 @@ class RequirementRow:
 class SizeRow:
     """Mean and sigma of an output at an instant in the unit shown, that of the filter, and causes of the variance.
 
-    Where errors are beyond the range of linear analysis, numbers and causes are none.
+    Where errors are beyond the range of linear analysis, numbers and causes are none. Moments of second order are those
+    that are known to less than half of their correction; ``linearity`` is the verdict of flights on the linear ones.
     """
 
     output: str
@@ -135,6 +144,9 @@ class SizeRow:
     causes: list[tuple[str, float]]
     time: float | None = None
     nominal: float | None = None
+    mean_second: float | None = None
+    sigma_second: float | None = None
+    linearity: str = ""
 
 
 @dataclass(frozen=True)
@@ -185,6 +197,8 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
             exceedance=requirement.beyond if math.isfinite(requirement.beyond) else None,
             exceedance_curved=requirement.curved if math.isfinite(requirement.curved) else None,
             at="" if requirement.time is None else instant(requirement.time, label),
+            order=requirement.order.value if math.isfinite(requirement.value) else "",
+            doubt=requirement.doubt,
         ))  # fmt: skip
     return rows
 
@@ -201,9 +215,12 @@ def requirements_in_brief(answer: LinearAnswer) -> Findings:
 
 def shown_value(row: LinearRequirement, scale: float, unit: str) -> str:
     """Format the linear value of a requirement: a probability, or an error in the unit shown."""
-    if not row.judged:
+    if not math.isfinite(row.value):
         return "–"
-    return f"{100.0 * row.value:.3f} %" if row.requirement.kind == "box" else f"{number(row.value * scale)} {unit}"
+    within = f" ± {100.0 * row.share:.2g} %" if row.share else ""
+    if row.requirement.kind == "box":
+        return f"{100.0 * row.value:.3f} %"
+    return f"{number(row.value * scale, 3 if row.share else 4)} {unit}{within}"
 
 
 def shown_limit(row: LinearRequirement, scale: float, unit: str) -> str:
@@ -218,6 +235,7 @@ def final_rows(answer: LinearAnswer) -> list[SizeRow]:
     """List the outputs at the end."""
     scale, own = scale_of(answer.outputs), None if answer.history is None else answer.history.sigma_filter
     means, nominal, meaningful = final_means(answer) * scale, final_nominal(answer) * scale, answer.beyond is None
+    second_means, second_sigmas = (values * scale for values in _second_order(answer))
     return [
         SizeRow(
             output.name,
@@ -227,9 +245,25 @@ def final_rows(answer: LinearAnswer) -> list[SizeRow]:
             float(own[-1, i] * scale[i]) if meaningful and own is not None else None,
             cause_words(answer, answer.final_causes(i)) if meaningful else [],
             nominal=known(nominal[i]),
+            mean_second=known(second_means[i]),
+            sigma_second=known(second_sigmas[i]),
+            linearity="" if answer.examination is None else answer.examination.outputs[i].verdict.value,
         )
         for i, output in enumerate(answer.outputs)
     ]
+
+
+def _second_order(answer: LinearAnswer) -> tuple[Array, Array]:
+    """Return means and sigmas of second order, shape (outputs,), SI; NaN where they are not known well enough."""
+    corrected = None if answer.examination is None else answer.examination.corrected
+    if corrected is None:
+        unknown = np.full(len(answer.outputs), np.nan)
+        return unknown, unknown
+    means = departures(answer.outputs, corrected.mean, answer.model.nominal)
+    return (
+        np.where(corrected.improves_mean(answer.mean), means, np.nan),
+        np.where(corrected.improves(answer.sigma), corrected.sigma, np.nan),
+    )
 
 
 def known(value: float) -> float | None:

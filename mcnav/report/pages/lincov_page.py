@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 
 from mcnav.analysis.answer_times import as_read, read_axis
+from mcnav.analysis.examination import Linearity
 from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_remarks import instant
-from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_answer import LinearAnswer, Order
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
 from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.what_if import WhatIf
@@ -38,6 +39,7 @@ from mcnav.report.drawing.figure import Figure, bare
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.format import number
 from mcnav.report.names import humanize, scale_of
+from mcnav.report.pages.box import box_section, box_tables
 from mcnav.report.pages.lincov import (
     RequirementRow,
     SizeRow,
@@ -53,7 +55,7 @@ from mcnav.report.pages.run.sections.what_if import what_if_section
 from mcnav.report.pages.screen import answered
 from mcnav.report.results.left_out import not_modelled
 from mcnav.report.statements.details import BEYOND, remarks_in
-from mcnav.report.statements.words import listed
+from mcnav.report.statements.words import listed, several
 
 EXPLANATION: Final = (
     "Linear analysis for normal errors; no number here is of samples. mcnav run tests it by Monte Carlo simulation."
@@ -73,6 +75,8 @@ POLAR: Final = ("reentry", "cruise", "hover")
 
 ARCS: Final = "Output ranges are arcs on the earth's surface; initial ranges are arcs at the radius of the start."
 """Of polar states: the same angle is a longer arc higher up."""
+
+SECOND_ORDER: Final = " Second order: with second and third derivatives, where known to less than half the correction."
 
 SHARES: Final = "Share of the variance at the end, %, and the sigma that a cause alone leaves"
 """Caption of the error budget."""
@@ -103,6 +107,8 @@ def page(
     if answer.requirements:
         parts = joined(requirement_table(answer), drawn.requirements(answer, outages))
         sections.append(Section("requirements", "Requirements", parts))
+    if (ranges := box_section(answer)) is not None:
+        sections.append(ranges)
     if moving is not None:
         over_time = "Errors and dispersions over time" if any(kinds_of(answer.outputs)) else "Errors over time"
         sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
@@ -113,7 +119,7 @@ def page(
     looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
     if (helpful := remedies_section(remedies, answer.outputs, ALL_REMEDIES)) is not None:
         sections.append(helpful)
-    if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped)) is not None:
+    if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped, _nonlinear(answer))):
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
@@ -127,11 +133,19 @@ def page(
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
 
 
+def _nonlinear(answer: LinearAnswer) -> str:
+    """Say of which outputs linear analysis does not hold; empty where flights have not shown that it does not."""
+    examined = () if answer.examination is None else answer.examination.outputs
+    failing = [humanize(output.name) for output, row in zip(answer.outputs, examined, strict=False)
+               if row.verdict == Linearity.FAILS]  # fmt: skip
+    return f"for {several(failing)}" if failing else ""
+
+
 def _cause(answer: LinearAnswer) -> str:
     """Name the largest causes of a requirement that is not met, or of what a filter misses; empty where all holds."""
     unmet = [number for number, row in enumerate(answer.requirements) if row.judged and not row.met]
     if unmet:
-        worst = min(unmet, key=lambda number: answer.requirements[number].margin)
+        worst = min(unmet, key=lambda number: answer.requirements[number].tightness)
         causes = [(cause.name, cause.share) for cause in answer.requirement_causes(worst)]
     else:
         causes = [] if answer.filter is None else [(cause.name, cause.share) for cause in answer.filter.neglected]
@@ -145,7 +159,7 @@ def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | No
     Requirements over time come first, the tightest; else the output that a filter is most wrong about, or that the
     tightest requirement at the end limits.
     """
-    tightest = sorted((each for each in answer.requirements if each.judged), key=lambda each: each.margin)
+    tightest = sorted((each for each in answer.requirements if each.judged), key=lambda each: each.tightness)
     if asked is not None and (answer.filter is None or answer.filter.verdict == "consistent"):
         names = [drawn.short_name(each, answer) for each in tightest]
         return replace(asked, panels=sorted(asked.panels, key=lambda panel: names.index(panel.title.split(": ", 1)[1])))
@@ -163,6 +177,7 @@ def terminal(answer: LinearAnswer) -> list[Part]:
     (words, tone), *others = statements(answer)
     tables = [
         requirement_table(answer) if answer.requirements else None,
+        *box_tables(answer),
         None if answer.asked is None else reading_table(answer, answer.asked),
         final_table(answer),
         None if answer.meaningful is None else largest_table(answer),
@@ -207,6 +222,10 @@ WITH_CURVATURE: Final[Column[RequirementRow]] = Column(
     "With curvature", lambda row: "–" if row.exceedance_curved is None else f"{row.exceedance_curved:.2e}",
     "with curvature",
 )  # fmt: skip
+SECOND: Final = (
+    " To second order: by second and third derivatives from flights, with skewness for the size of one output, and the "
+    "normal law for several together. ±: uncertainty; a limit within it is not judged."
+)
 CURVED: Final = (
     " With curvature: from second derivatives by some simulations without noise, for normal sources; noise adds its "
     "linear variance, and the probabilities of the outputs of a box are added up."
@@ -219,10 +238,20 @@ def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
     several = "; of several outputs within limits together, each in multiples of its limit" if boxes else ""
     rows = requirement_rows(answer)
     curved = any(row.exceedance_curved is not None for row in rows)
+    second, doubted = any(row.order == Order.SECOND for row in rows), any(row.doubt for row in rows)
+    heading = "Value" if second else "Linear"
+    order: Column[RequirementRow] = Column("by", lambda row: row.order or "–", kind="text", place="terminal")
+    doubt: Column[RequirementRow] = Column("why", lambda row: row.doubt or "–", kind="words", place="terminal")
+
+    def below(row: RequirementRow) -> str:
+        return f"largest at {row.at}" if row.at else row.order if second else ""
+
     columns: list[Column[RequirementRow]] = [
         Column("Requirement", lambda row: row.requirement, "requirement", "words"),
-        Column("Finding", lambda row: Cell(row.finding, tone=row.tone), "finding", "label"),
-        Column("Linear", lambda row: Cell(row.shown, below=f"largest at {row.at}" if row.at else ""), "linear"),
+        Column("Finding", lambda row: Cell(row.finding, tone=row.tone, below=row.doubt), "finding", "label"),
+        Column(heading, lambda row: Cell(row.shown, below=below(row)), heading.lower()),
+        *([order] if second else []),
+        *([doubt] if doubted else []),
         Column("largest at", lambda row: row.at or "–", kind="text", place="terminal"),
         *([BEYOND_LIMIT] if any(row.exceedance is not None for row in rows) else []),
         *([WITH_CURVATURE] if curved else []),
@@ -231,8 +260,10 @@ def requirement_table(answer: LinearAnswer) -> Table[RequirementRow]:
                "largest causes then, share of the mean square", "words"),
     ]  # fmt: skip
     words, what = end_words(answer.outputs), "outputs" if any(kinds_of(answer.outputs)) else "errors"
-    title, caption = f"Requirements, for linear normal {what}", REQUIREMENTS.format(what, words.many)
-    return Table(f"{caption}{several}.{CURVED if curved else ''}", columns, rows, title, keys=2)
+    title = "Requirements, linear or to second order" if second else f"Requirements, for linear normal {what}"
+    caption = REQUIREMENTS.format(what, words.many)
+    noted = f"{SECOND if second else ''}{CURVED if curved else ''}"
+    return Table(f"{caption}{several}.{noted}", columns, rows, title, keys=2)
 
 
 def _moment(value: float | None) -> str:
@@ -268,17 +299,28 @@ def final_table(answer: LinearAnswer) -> Table[SizeRow]:
     rows = final_rows(answer)
     heading = "Mean error" if any(kinds_of(answer.outputs)) else "Mean"
     mean: Column[SizeRow] = Column(heading, lambda row: row.mean, heading.lower(), form=_size, size="value")
+    mean_second: Column[SizeRow] = Column(
+        f"{heading}, second order", lambda row: row.mean_second, f"{heading.lower()}, 2nd order", form=five_digits,
+        size="value",
+    )  # fmt: skip
+    sigma_second: Column[SizeRow] = Column(
+        "Second order", lambda row: row.sigma_second, "σ, 2nd order", form=five_digits, size="sigma"
+    )
+    second = any(row.sigma_second is not None for row in rows)
     nominal: Column[SizeRow] = Column("Nominal", lambda row: row.nominal, "nominal", form=five_digits, size="value")
     columns: list[Column[SizeRow]] = [
         Column("Output", _output, "output", "label"),
         *([nominal] if any(row.nominal is not None for row in rows) else []),
         *([mean] if any(row.mean for row in rows) else []),
+        *([mean_second] if any(row.mean_second is not None for row in rows) else []),
         Column("At the end", lambda row: row.sigma, "σ", form=_size, size="sigma"),
+        *([sigma_second] if second else []),
         *_filtered(answer),
         Column("Largest causes", lambda row: _causes(row.causes), CAUSES, "words"),
     ]
     what = "At the end" if any(kinds_of(answer.outputs)) else "Errors at the end"
-    caption = f"{what}, one sigma. Causes: share of the variance at the end.{_about_ranges(answer)}"
+    noted = f"{SECOND_ORDER if second else ''}{_about_ranges(answer)}"
+    caption = f"{what}, one sigma. Causes: share of the variance at the end.{noted}"
     return _by_kind(answer, Table(caption, columns, rows, "Linear covariance at the end, 1σ"))
 
 

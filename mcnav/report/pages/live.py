@@ -9,6 +9,7 @@ from typing import Final
 
 from mcnav.analysis.answer_times import as_read
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.remedies import DOUBTED
 from mcnav.analysis.summary import Summary
 from mcnav.report.document.parts import Beside, Fold, LivePart, Note, Page, Section, Verdict, WhatIfPart
 from mcnav.report.format import number, signed
@@ -101,6 +102,7 @@ def _column(setting: Setting) -> dict[str, object]:
         "when": setting.when,
         "factors": setting.factors,
         "curves": _curves(answer),
+        "doubted": [humanize(row.output) for row in final_rows(answer) if row.linearity in DOUBTED],
         "changed": setting.changed,
         "sentences": statements(answer),
         "requirements": [
@@ -110,7 +112,8 @@ def _column(setting: Setting) -> dict[str, object]:
         ],
         "sigmas": [
             {"words": humanize(row.output), "unit": row.unit, "shown": _shown(row),
-             "claimed": "" if row.sigma_filter is None else number(row.sigma_filter)}
+             "claimed": "" if row.sigma_filter is None else number(row.sigma_filter),
+             "doubt": f"linear analysis {row.linearity}" if row.linearity in DOUBTED else ""}
             for row in final_rows(answer)
         ],
         "run": None if confirmation is None else vars(confirmation),

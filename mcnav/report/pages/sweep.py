@@ -15,7 +15,7 @@ from mcnav.analysis.sweep import Point, Sweep, Variable
 from mcnav.arrays.types import Array
 from mcnav.files.whole import to_json
 from mcnav.report.figures import sweep as drawn
-from mcnav.report.statements.sweep import met_words, verdict_at
+from mcnav.report.statements.sweep import doubt_of, met_words, verdict_at
 
 
 def frame(sweep: Sweep) -> pd.DataFrame:
@@ -42,6 +42,9 @@ def frame(sweep: Sweep) -> pd.DataFrame:
             columns[f"{measure.name}, met"] = (sweep.margins[..., index] <= 0.0).reshape(-1)
         if sweep.exceedances is not None and sweep.rare(index):
             columns[f"{measure.name}, beyond"] = sweep.exceedances[..., index].reshape(-1)
+    if sweep.doubted:
+        verdicts = [sweep.verdict_at(tuple(point)) for point in points.tolist()]
+        columns["linear analysis"] = np.array(["" if verdict is None else verdict.value for verdict in verdicts])
     table = pd.DataFrame(columns)
     assert len(table) == int(np.prod(shape))
     table.attrs = {"units": units, "just_met": just_met_rows(sweep)}
@@ -70,9 +73,26 @@ def just_met_rows(sweep: Sweep) -> list[Mapping[str, object]]:
             "looked_at": allocation.looked_at,
             "closest": None if allocation.closest is None else _plain(last, allocation.closest[0]),
             "finding": met_words(allocation, last),
+            **({"doubt": doubt} if (doubt := doubt_of(sweep, allocation)) else {}),
         }
         for allocation in sweep.just_met
     ]
+
+
+def examined_rows(sweep: Sweep) -> Mapping[str, object]:
+    """List the points at which flights have examined linear analysis, with the verdict on each measure."""
+    return {
+        "unexamined": sweep.unexamined or None,
+        "points": [
+            {
+                "point": _plain_point(sweep, point),
+                "flights": examined.flights,
+                "verdicts": [sweep.verdict(examined, measure) for measure in range(len(sweep.measures))],
+                "ratios": {output.name: row.ratio for output, row in zip(sweep.outputs, examined.outputs, strict=True)},
+            }
+            for point, examined in sweep.examined
+        ],
+    }
 
 
 def _plain(variable: Variable, value: float | None) -> float | str | None:
@@ -117,6 +137,7 @@ def table(sweep: Sweep) -> Mapping[str, object]:
         **({"exceedance": sweep.exceedances} if any(map(sweep.rare, range(len(sweep.measures)))) else {}),
         "added": [{"point": _plain_point(sweep, point), "values": values} for point, values in sweep.added],
         "just_met": just_met_rows(sweep),
+        **({"linearity": examined_rows(sweep)} if sweep.examined or sweep.unexamined else {}),
         "monte_carlo": [
             {
                 "point": dict(

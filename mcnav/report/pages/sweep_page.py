@@ -27,6 +27,7 @@ from mcnav.report.statements.sweep import (
     confirmation_rows,
     confirmed_words,
     disagreements,
+    doubt_of,
     headline,
     linear_finding,
     mean_words,
@@ -130,11 +131,19 @@ def limit_table(sweep: Sweep) -> Table[_Limit]:
             kind="label",
         )
 
+    doubted = any(doubt_of(sweep, allocation) for allocation in sweep.just_met)
+
+    def met(row: _Limit) -> Cell:
+        doubt = doubt_of(sweep, row.just_met)
+        return Cell(met_words(row.just_met, last), tone="undecided" if doubt else tone_of(row.just_met), below=doubt)
+
     columns: list[Column[_Limit]] = [
         Column("Limit", lambda row: Cell(title_of(sweep.measures[row.just_met.measure], sweep, True), rows=row.rows),
                "limit", "words"),
         *map(fixed, first),
-        Column(last.path, lambda row: Cell(met_words(row.just_met, last), tone=tone_of(row.just_met)), "met", "text"),
+        Column(last.path, met, "met", "text"),
+        *([Column[_Limit]("linear analysis", lambda row: doubt_of(sweep, row.just_met) or "–", kind="text",
+                          place="terminal")] if doubted else []),
     ]  # fmt: skip
     at = f" At {'each value' if first[0].words else 'some values'} of {first[0].path}." if first else ""
     added = (
@@ -178,8 +187,14 @@ def point_table(sweep: Sweep) -> Table[tuple[int, ...]]:
             lambda place: f"{float(probabilities[(*place, index)]):.2e}",
         )
 
+    def examined(place: tuple[int, ...]) -> str:
+        point = tuple(float(variable.values[at]) for variable, at in zip(sweep.variables, place, strict=True))
+        verdict = sweep.verdict_at(point)
+        return "–" if verdict is None else verdict.value
+
     count, indices = len(sweep.variables), range(len(sweep.measures))
-    columns = [*map(variable, range(count)), *map(measure, indices), *map(beyond, filter(sweep.rare, indices))]
+    doubts = [Column[tuple[int, ...]]("linear analysis", examined, kind="text")] if sweep.doubted else []
+    columns = [*map(variable, range(count)), *map(measure, indices), *map(beyond, filter(sweep.rare, indices)), *doubts]
     return Table("", columns, [places[each] for each in chosen], "Linear analysis", keys=count)
 
 

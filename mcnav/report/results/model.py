@@ -9,11 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from mcnav.analysis.budget import ErrorBudget
-from mcnav.analysis.comparison import Comparison, Criterion, Model
+from mcnav.analysis.comparison import Comparison, Criterion
 from mcnav.analysis.envelopes import Envelopes, envelopes_from
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
+from mcnav.analysis.model import Model
 from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.requirement_curves import RequirementCurve, requirement_curve
 from mcnav.analysis.requirements import RequirementResult

@@ -10,12 +10,13 @@ import numpy as np
 
 from mcnav.analysis.budget import ErrorBudget
 from mcnav.analysis.combinations import Combination
-from mcnav.analysis.comparison import Comparison, Criterion, Model
+from mcnav.analysis.comparison import Comparison, Criterion
 from mcnav.analysis.ellipsoid import Ellipsoid
 from mcnav.analysis.failed_samples import FailureBias
 from mcnav.analysis.filter_consistency import FilterConsistency
 from mcnav.analysis.linear_range import BeyondRange
 from mcnav.analysis.mean_errors import mean_errors, nominal_values
+from mcnav.analysis.model import Model
 from mcnav.analysis.multivariate import MultivariateTests
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tally

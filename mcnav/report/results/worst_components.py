@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
+from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
 
 AXES: Final = re.compile(r" (?:north|east|down|x|y|z|roll|pitch|yaw)\b")
@@ -30,12 +32,42 @@ def departures(content: RunAnalysis) -> dict[str, float]:
     return {name: np.inf if ratio is None else abs(ratio - 1.0) for name, ratio in known.items()}
 
 
-def worst_components(content: RunAnalysis) -> list[int]:
-    """Return the output of each vector that departs the most, in the order of the vectors; all of what is no loop."""
+FOREMOST: Final = 8
+"""Outputs of a closed loop that a figure of all outputs shows; its folded table has the others."""
+
+
+def foremost_outputs(content: RunAnalysis) -> list[int]:
+    """Return the outputs that requirements limit and, of other vectors, those that depart the most, `FOREMOST` in all.
+
+    They keep the order of the outputs. Of what is no closed loop they are all outputs.
+    """
+    places = worst_components(content)
+    if not content.looped or len(places) <= FOREMOST:
+        return places
+    away, names = departures(content), content.output_names
+    asked = {name for entry in content.summary.requirements or [] for name in entry.outputs}
+    limited = [i for i in content.moving if content.summary.names[i] in asked]
+    others = sorted((i for i in places if i not in limited), key=lambda i: -away[names[i]])
+    return sorted([*limited, *others][:FOREMOST])
+
+
+def filter_departures(content: RunAnalysis) -> dict[str, float]:
+    """Return the largest logarithm of true over filter sigma of each output over time; empty without a filter."""
+    outputs = [] if content.filter is None else [each for each in content.filter.outputs if each.ratio.known.any()]
+    return {
+        humanize(output.name): float(np.abs(np.log(output.ratio.value[output.ratio.known])).max()) for output in outputs
+    }
+
+
+def worst_components(content: RunAnalysis, departing: Mapping[str, float] | None = None) -> list[int]:
+    """Return the output of each vector that departs the most, in the order of the vectors; all of what is no loop.
+
+    ``departing``: by how much each output departs, by default that of `departures`.
+    """
     names = content.output_names
     if not content.looped:
         return list(range(len(names)))
-    away = departures(content)
+    away = departures(content) if departing is None else departing
     chosen: dict[str, str] = {}
     for name in (name for name in names if name in away):
         vector = vector_of(name)

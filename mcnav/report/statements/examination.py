@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from mcnav.report.names import humanize
+from mcnav.report.format import number
+from mcnav.report.names import humanize, scale_of
 from mcnav.report.statements.words import joined, several
 
 if TYPE_CHECKING:
@@ -27,6 +28,26 @@ def examination_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         yield f"Linear analysis was not examined: {answer.unexamined}. mcnav lincov --examine does it", ""
     if answer.examination is not None:
         yield _statement(answer, answer.examination)
+
+
+def corrected_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
+    """State sigmas and mean NEES of second order where they are known well enough and linear ones are not right."""
+    examined = answer.examination
+    if examined is None or examined.corrected is None:
+        return
+    corrected, scale = examined.corrected, scale_of(answer.outputs)
+    improved = corrected.improves(answer.sigma)
+    shown = [
+        f"{humanize(output.name)} {number(corrected.sigma[i] * scale[i], 3)} {output.shown_in} (linear "
+        f"{number(answer.sigma[i] * scale[i], 3)})"
+        for i, output in enumerate(answer.outputs)
+        if improved[i] and examined.outputs[i].verdict != "holds"
+    ]
+    if shown:
+        yield f"Sigma to second order: {several(shown, NAMED)}", ""
+    rank = answer.model.whitened.rank
+    if examined.joint is not None and examined.joint.verdict != "holds" and corrected.improves_nees(rank):
+        yield f"Mean NEES to second order: {number(corrected.nees, 4)}, where linear analysis has {rank}", ""
 
 
 def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -10,12 +11,14 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.accuracy_measures import BOX, DRMS, SIGMA, Measure
 from mcnav.analysis.curve_refinement import MOST_ADDED
-from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
+from mcnav.analysis.examination import Linearity, combine
+from mcnav.analysis.sweep import Confirmation, JustMet, Point, Span, Sweep, Variable
 from mcnav.report.columns.output_columns import output_rows
 from mcnav.report.columns.result_table import Row
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.format import number, signed
 from mcnav.report.names import humanize
+from mcnav.report.statements.words import several
 
 OPTIMISTIC: Final = 1.05
 """Ratio of a true value to that of the filter from which it is stated."""
@@ -103,6 +106,80 @@ def tone_of(just_met: JustMet) -> str:
 NOT_SIMULATED: Final = "Linear analysis alone: no point was simulated. --confirm N simulates N points."
 
 
+NAMED: Final = 3
+"""Points that are named."""
+
+
+def at_words(sweep: Sweep, points: Sequence[Point], among: Sequence[Point]) -> str:
+    """Name some of several points by the values of the variables; those from one on together.
+
+    Parameters
+    ----------
+    among : sequence of Point
+        All of them, in order.
+    """
+    if len(sweep.variables) == 1 and len(points) > 1 and not sweep.variables[0].words:
+        (variable,) = sweep.variables
+        if list(points) == list(among[-len(points) :]):
+            return f"from {variable.path} = {shown(variable, points[0][0])} on"
+        return f"at {variable.path} = {several([shown(variable, point[0]) for point in points], NAMED)}"
+    return f"at {several([_point_words(sweep, point) for point in points], NAMED)}"
+
+
+def _point_words(sweep: Sweep, point: Point) -> str:
+    return ", ".join(f"{variable.path} = {shown(variable, value)}"
+                     for variable, value in zip(sweep.variables, point, strict=True))  # fmt: skip
+
+
+def examined_words(sweep: Sweep) -> str:
+    """Say at how many points flights have examined linear analysis, and where it is not shown to hold."""
+    more = f"Others were not examined: {sweep.unexamined}. --examine does it."
+    if not sweep.examined:
+        return f"Linear analysis was not examined: {sweep.unexamined}. --examine does it." if sweep.unexamined else ""
+    count = len(sweep.examined)
+    begin = f"Linear analysis, examined by flights at {count} point{'s' * (count > 1)}"
+    verdicts = {point: sweep.verdict_at(point) for point, _ in sweep.examined}
+    said = [
+        f"{verdict.value} {at_words(sweep, points, list(verdicts))}"
+        for verdict in (Linearity.FAILS, Linearity.UNKNOWN)
+        if (points := [point for point, own in verdicts.items() if own == verdict])
+    ]
+    if not said:
+        known = any(own is not None for own in verdicts.values())
+        words = "holds at each" if known else "fails at none at the end; other times are not examined"
+        return f"{begin}: {words}.{f' {more}' if sweep.unexamined else ''}"
+    worst = _worst_ratio(sweep)
+    return f"{begin}: {'. It '.join(said)}.{worst}{f' {more}' if sweep.unexamined else ''}"
+
+
+def _worst_ratio(sweep: Sweep) -> str:
+    """Name the output whose sigma is farthest from the linear one; empty where no verdict says so."""
+    chosen = {output for measure in sweep.measures for output in measure.members or measure.outputs}
+    failing = [
+        (abs(math.log(row.ratio)), sweep.outputs[number].name, row.ratio, point)
+        for point, examined in sweep.examined
+        for number, row in enumerate(examined.outputs)
+        if number in chosen and row.verdict == Linearity.FAILS and row.ratio > 0.0
+    ]
+    if not failing:
+        return ""
+    _, name, ratio, point = max(failing)
+    return f" Worst is {humanize(name)}, true sigma about {ratio:.2f} times, at {_point_words(sweep, point)}."
+
+
+def doubt_of(sweep: Sweep, just_met: JustMet) -> str:
+    """Say that linear analysis is not shown to hold where a limit is just met, or looked at; empty where it is."""
+    fixed = () if just_met.fixed is None else (just_met.fixed,)
+    points = [(*fixed, value) for value in just_met.values] or [
+        point for point, _ in sweep.examined if not fixed or point[:1] == fixed
+    ]
+    verdicts = [verdict for point in points if (verdict := sweep.verdict_at(point, just_met.measure)) is not None]
+    worst = combine(verdicts)
+    if worst == Linearity.HOLDS:
+        return ""
+    return f"linear analysis {worst.value}{' there' if just_met.values else ' in part of the range'}"
+
+
 def headline(sweep: Sweep) -> tuple[str, str]:
     """State where the limits are met; return the words and their tone, which Monte Carlo may take back."""
     if not sweep.just_met:
@@ -112,7 +189,9 @@ def headline(sweep: Sweep) -> tuple[str, str]:
     refuted = sweep.confirmations and confirmed_words(sweep)[1] == "differs"
     where, _, closest = words.partition("; closest at ")
     nearest = f". It is closest at {closest}" if closest else ""
-    return f"By linear analysis: {where}{nearest}", "undecided" if refuted else tone
+    doubts = sorted({doubt for solved in sweep.just_met if (doubt := doubt_of(sweep, solved))}, reverse=True)
+    doubt = f". But {doubts[0]}: simulate it" if doubts else ""
+    return f"By linear analysis: {where}{nearest}{doubt}", "undecided" if refuted or doubts else tone
 
 
 def _linear_headline(sweep: Sweep) -> tuple[str, str]:
@@ -172,6 +251,8 @@ def mean_words(sweep: Sweep) -> str:
 def remarks(sweep: Sweep) -> list[str]:
     """List what must be known of the numbers: points without an answer, measures that a variable does not change."""
     result = [] if sweep.confirmations or not sweep.just_met else [NOT_SIMULATED]
+    if words := examined_words(sweep):
+        result.append(words)
     if sweep.gates:
         result.append(f"{sweep.gates}. No limit is judged.")
     if outside := int(np.isinf(sweep.values).any(axis=-1).sum()):

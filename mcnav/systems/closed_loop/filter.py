@@ -67,7 +67,7 @@ class FilterStates:
         """Compute the filter's covariance at the start, shape (count, count)."""
         moved = self.reading @ structure.start_partials
         processes = self.reading[:, structure.markov.whole]
-        return np.asarray(moved @ believed.start @ moved.T + (processes * believed.markov**2) @ processes.T)
+        return np.asarray(moved @ believed.start @ moved.T + (processes * believed.markov_at_start**2) @ processes.T)
 
     def seen(self, x: Array, nominal: Array, structure: Structure) -> Array:
         """Return X as the navigator sees it, shape (size, n): its estimates for the truth, what it cannot know nominal.

@@ -57,6 +57,9 @@ class BelievedMarkovTable(MarkovTable):
     """A process that a filter believes; its correlation time is the true one unless given."""
 
     correlation_time: CorrelationTime | None = None  # type: ignore[assignment]
+    initial: Annotated[Sizes | None, Field(description="Sigma at the start, where it is not the stationary one.")] = (
+        None
+    )
 
 
 Size = Annotated[Any, Later(Sizes), Field(description="A size, sizes by axis, or a table.")]

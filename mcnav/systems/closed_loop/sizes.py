@@ -35,6 +35,8 @@ class Sizes:
         One over their correlation times, 1/s.
     measurements, corrections : tuple of ndarray
         Sigmas of the noise of each sensor, and of the execution error of each correction, by component.
+    initial : ndarray, shape (markov.size,), optional
+        Sigmas of Gauss-Markov processes at the start, as a filter believes them; the stationary ones unless given.
     """
 
     start: Array
@@ -43,6 +45,7 @@ class Sizes:
     decay: Array
     measurements: tuple[Array, ...]
     corrections: tuple[Array, ...]
+    initial: Array | None = None
 
     @classmethod
     def none(cls, maps: Maps) -> Sizes:
@@ -61,7 +64,13 @@ class Sizes:
             self, start=share**2 * self.start, white=share * self.white, markov=share * self.markov,
             measurements=tuple(share * measurement for measurement in self.measurements),
             corrections=tuple(share * correction for correction in self.corrections),
+            initial=None if self.initial is None else share * self.initial,
         )  # fmt: skip
+
+    @property
+    def markov_at_start(self) -> Array:
+        """Sigmas of Gauss-Markov processes at the start, shape (markov.size,)."""
+        return self.markov if self.initial is None else self.initial
 
     @cached_property
     def inputs(self) -> Array:

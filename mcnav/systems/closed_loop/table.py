@@ -229,6 +229,7 @@ class _Noise:
     def _processes(self, known: Sizes, entries: Mapping[str, Any]) -> Sizes:
         structure, context = self.maps.structure, self.context
         white, markov, decay = known.white.copy(), known.markov.copy(), known.decay.copy()
+        initial = known.markov_at_start.copy()
         corrections = list(known.corrections)
         of_white = {quantity.name: (quantity, place) for quantity, place in structure.white.places()}
         of_markov = {quantity.name: (quantity, place) for quantity, place in structure.markov.places()}
@@ -242,25 +243,33 @@ class _Noise:
             elif name in of_markov:
                 quantity, of_state = of_markov[name]
                 place = slice(of_state.start - structure.markov.begin, of_state.stop - structure.markov.begin)
-                markov[place], decay[place] = self._markov(entry, quantity, key, decay[place])
+                markov[place], decay[place], initial[place] = self._markov(entry, quantity, key, decay[place])
             elif name in impulses:
                 quantity = structure.corrections.quantities[impulses[name]]
                 corrections[impulses[name]] = _read_axes(entry, _declared(quantity), key, context)
             else:
                 context.problem(key, f"unknown process{suggestion(name, names)}")
-        return replace(known, white=white, markov=markov, decay=decay, corrections=tuple(corrections))
+        return replace(
+            known, white=white, markov=markov, decay=decay, corrections=tuple(corrections),
+            initial=None if np.array_equal(initial, markov) else initial,
+        )  # fmt: skip
 
-    def _markov(self, entry: object, quantity: Quantity, key: str, decay: Array) -> tuple[Array, Array]:
-        """Read sigmas of a Gauss-Markov process and one over its correlation time; a belief may leave out the time."""
+    def _markov(self, entry: object, quantity: Quantity, key: str, decay: Array) -> tuple[Array, Array, Array]:
+        """Read sigmas of a Gauss-Markov process, one over its correlation time, and sigmas at the start.
+
+        A belief may leave out the time, and the sigmas at the start, which are then the stationary ones.
+        """
         declared, known = _declared(quantity), bool(decay.any())
         if known and not (isinstance(entry, dict) and entry.keys() & MarkovTable.model_fields.keys()):
-            return _read_axes(entry, declared, key, self.context), decay
+            sigmas = _read_axes(entry, declared, key, self.context)
+            return sigmas, decay, sigmas
         table = validate_entry(BELIEVED_MARKOV if known else MARKOV, entry, self.context, key, declared)
         if table is None:
-            return np.zeros(quantity.size), decay
+            return np.zeros(quantity.size), decay, np.zeros(quantity.size)
         if table.correlation_time is not None:
             decay = np.full(quantity.size, 1.0 / table.correlation_time)
-        return np.nan_to_num(table.sigma), decay
+        sigmas, initial = np.nan_to_num(table.sigma), getattr(table, "initial", None)
+        return sigmas, decay, sigmas if initial is None else np.nan_to_num(initial)
 
     def _measurements(self, known: Sizes, entries: Mapping[str, Any]) -> Sizes:
         sensors = {sensor.declared.name: number for number, sensor in enumerate(self.maps.sensors)}

@@ -84,6 +84,8 @@ class AidedNavigation:
         In minutes of navigation.
     times : ndarray, shape (m,)
         Epochs in the trajectory's time, the start first, s.
+    together : bool
+        Whether processes are propagated all together, not each by itself.
     """
 
     truth: Truth
@@ -94,6 +96,7 @@ class AidedNavigation:
     filter: FilterModel
     epochs: Epochs
     times: Array
+    together: bool = False
 
     def grid(self, division: int, times: Array | None = None) -> Array:
         """Return the times of epochs, or of others, and of updates, each step between them divided."""
@@ -137,7 +140,7 @@ class AidedNavigation:
         There are two readings where an update falls on a time.
         """
         updates, loop, readings, after = self._readings(times)
-        return updates, propagate_closed_loop(loop, readings, after)
+        return updates, propagate_closed_loop(loop, readings, after, not self.together)
 
     def smoothed(
         self, times: Array | None = None

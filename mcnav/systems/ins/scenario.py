@@ -178,6 +178,8 @@ class Navigation:
         True root mean squares of the constant sources, where they are known: what a filter believes is compared.
     further : tuple of float
         Times at which errors are looked at besides the usual epochs, s, such as those of requirements.
+    together : bool
+        Whether linear analysis of aided navigation has the variances of all processes together, in less time.
     """
 
     truth: Truth
@@ -189,6 +191,7 @@ class Navigation:
     filter: FilterModel | None = None
     sigmas: Mapping[str, float] = field(default_factory=dict)
     further: tuple[float, ...] = ()
+    together: bool = False
 
     @property
     def latest_start(self) -> float:
@@ -232,8 +235,9 @@ class Navigation:
         if self.filter is None:
             return None
         return AidedNavigation(
-            self.truth, self.platform, self.start, self.imu, self.sensors, self.filter, self.epochs, self.times
-        )
+            self.truth, self.platform, self.start, self.imu, self.sensors, self.filter, self.epochs, self.times,
+            self.together,
+        )  # fmt: skip
 
     def grid(self, steps: int) -> Array:
         """Return the times of so many steps between epochs."""
@@ -647,6 +651,10 @@ class Ins(PlainScenario):
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s."""
         return type(self)(replace(self.navigation, further=times), self.remarks)
+
+    def with_processes_together(self) -> Self:
+        """Return the same whose linear covariances over time have all processes together, where that takes less."""
+        return type(self)(replace(self.navigation, together=True), self.remarks)
 
     def check_within(self, times: Array) -> None:
         """Refuse times outside of the navigation with `ScenarioError`."""

@@ -11,9 +11,10 @@ import numpy as np
 from mcnav.contract.engine import without_noise
 from mcnav.linear.polynomial import fit
 from mcnav.linear.polynomial_engine import PolynomialEngine
+from mcnav.systems.reentry.engines import ENSEMBLE_CHUNK, EnsembleEngine, Navigation
 from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.ensemble.transition import linear_response
-from mcnav.systems.reentry.scenario import ENSEMBLE_CHUNK, EnsembleEngine, Flight, Navigation, Reentry
+from mcnav.systems.reentry.scenario import Flight, Reentry
 from mcnav.systems.reentry.table_i import ALL_ERRORS, TABLE_I, among_all
 from mcnav.systems.reentry.vehicle import Vehicle
 from tests.benchmarks.case import Case

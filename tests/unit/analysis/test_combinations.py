@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.combinations import null_combinations
-from mcnav.analysis.comparison import (
-    Comparison,
-    Criterion,
-    Model,
-    compare,
-    compare_reduced,
-    reduce_stored,
-    reduce_summary,
-)
+from mcnav.analysis.comparison import Comparison, Criterion, compare, compare_reduced, reduce_stored, reduce_summary
 from mcnav.analysis.ellipsoid import Cause, Ellipsoid
+from mcnav.analysis.model import Model
 from mcnav.analysis.verdict import Verdict
 from mcnav.linear.block_sums import BlockSums, Normalization, column_count
 from mcnav.sampler.designs import SamplingDesign

@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 from mcnav.analysis.budget import error_budget
-from mcnav.analysis.comparison import Comparison, Criterion, Model, compare, correlations
+from mcnav.analysis.comparison import Comparison, Criterion, compare, correlations
+from mcnav.analysis.model import Model
 from mcnav.analysis.verdict import Verdict, judge
 from mcnav.linear.covariance import propagated_covariance
 from mcnav.statistics.estimates import blocked_mean

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.analysis.comparison import Comparison, Criterion, Model, compare
+from mcnav.analysis.comparison import Comparison, Criterion, compare
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.floor import INTEGRATED, OWN_SIZE, REQUIRED, STORED, agreement_floor, filter_floor
 from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.linear_filter import judge_filter
+from mcnav.analysis.model import Model
 from mcnav.analysis.verdict import Verdict
 from mcnav.contract.linear import LinearSystem
 

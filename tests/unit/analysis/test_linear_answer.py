@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import special
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_answer import LinearRequirement, judge_linearly
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Requirement
 from mcnav.contract.linear import LinearSystem
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.linear_samples import NoiseDoubt, doubt_noise
+from mcnav.analysis.model import Model
 
 COVARIANCE = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.0]])
 """Of two outputs with noise; the third has none."""

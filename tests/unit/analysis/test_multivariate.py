@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.analysis.multivariate import FEWEST_PAIRS, MultivariateTests
 from mcnav.sampler.designs import SamplingDesign
 

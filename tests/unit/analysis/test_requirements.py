@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import (
     Finding,
     Requirement,

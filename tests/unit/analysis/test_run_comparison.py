@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.analysis.comparison import Model
 from mcnav.analysis.decision_rule import ratio_interval, spread_of
+from mcnav.analysis.model import Model
 from mcnav.analysis.run_comparison import SampleSet, change
 from mcnav.report.pages.comparison import inputs
 from mcnav.sampler.designs import SamplingDesign

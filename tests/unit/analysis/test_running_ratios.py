@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcnav.analysis.comparison import Criterion, Model, compare_reduced, reduce_stored
+from mcnav.analysis.comparison import Criterion, compare_reduced, reduce_stored
+from mcnav.analysis.model import Model
 from mcnav.analysis.running_ratios import convergence
 from mcnav.sampler.designs import SamplingDesign
 

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
 from mcnav.analysis.linear_answer import judge_linearly
+from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Finding, Requirement, RequirementResult, judge_requirement
 from mcnav.analysis.requirements_over_time import ErrorHistories, judge_over_time
 from mcnav.analysis.tail_curves import tail_curve

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mcnav.analysis.comparison import Criterion, Model
+from mcnav.analysis.comparison import Criterion
+from mcnav.analysis.model import Model
 from mcnav.analysis.tails import PROBABILITIES, tails
 
 MODEL = Model(np.diag([1.0, 2.0, 0.0]), np.zeros(3), np.zeros(3), np.eye(3))

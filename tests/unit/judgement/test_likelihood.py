@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,7 +12,9 @@ from scipy.stats import binom, multivariate_normal, norm
 from mcnav.arrays.types import Array
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
-from mcnav.judgement.likelihood import DROP, estimate_factor, log_likelihood, whiten, without_corrections
+from mcnav.judgement.likelihood import log_likelihood, whiten, without_corrections
+from mcnav.judgement.profile import DROP
+from mcnav.judgement.scan import Scan
 from mcnav.judgement.simulation import Innovations, respond, simulate
 from tests.recorded_flights import scalar_record
 
@@ -85,17 +89,20 @@ def test_variances_come_back_from_innovations_of_a_wrong_gain(cause: int, q: flo
     table = likelihoods(record, given, [{cause: float(each)} for each in grid])
     held = int(np.sum(table.max(axis=0) - table[10] <= DROP))
     assert binom.ppf(1e-4, 300, 0.93) <= held <= binom.isf(1e-4, 300, 0.97)
-    estimate = estimate_factor(record, given.chosen(slice(0, 1)), cause)
-    best = grid[int(np.argmax(table[:, 0]))]
-    assert estimate.value == pytest.approx(best, rel=2.0 ** (1.0 / 10.0) - 1.0)
-    assert estimate.low < best < estimate.high
-    inside = (grid > estimate.low) & (grid < estimate.high)
-    np.testing.assert_array_equal(inside, table[:, 0] > estimate.gain + table_at_one(record, given, cause) - DROP)
+    estimate = Scan(with_innovations(record, given)).factors({cause: DROP})[cause]
+    fine = np.geomspace(estimate.low / 1.1, 1.1 * estimate.high, 400)
+    (curve,) = likelihoods(record, given.chosen(slice(0, 1)), [{cause: float(each)} for each in fine]).T
+    assert estimate.value == pytest.approx(fine[int(np.argmax(curve))], rel=5e-3)
+    within = fine[curve >= curve.max() - DROP]
+    assert (estimate.low, estimate.high) == pytest.approx((within[0], within[-1]), rel=5e-3)
 
 
-def table_at_one(record: FilteredRecord, given: Innovations, cause: int) -> float:
-    """Return the log-likelihood of the first record with all sizes as they are."""
-    return float(likelihoods(record, given.chosen(slice(0, 1)), [{cause: 1.0}])[0, 0])
+def with_innovations(record: FilteredRecord, given: Innovations) -> FilteredRecord:
+    """Return the record with the innovations of the first of some others."""
+    stages = tuple(
+        replace(stage, innovation=value[:, 0]) for stage, value in zip(record.stages, given.values, strict=True)
+    )
+    return replace(record, stages=stages)
 
 
 def alarms(result: Assessment) -> NDArray[np.bool_]:

@@ -94,7 +94,7 @@ def test_curves_lie_over_each_other_where_times_mean_the_same() -> None:
     assert drawn is not None
     (panel,) = drawn.panels  # nothing moves the other output
     lines = [np.asarray(mark.y)[-1] for mark in panel.marks if isinstance(mark, Line)]
-    assert lines == pytest.approx([3.0, 3.3, 6.0, 6.6], rel=ROUNDING)
+    assert lines == pytest.approx([3.3, 3.0, 6.6, 6.0], rel=ROUNDING)
     assert (panel.title, panel.y.unit) == ("x", "km")
     other = over_time("altitude [km]", [2000.0, 0.0])
     assert curves(("a", "b"), (FIRST, CORRELATED), (known[0], other)) is None

@@ -87,7 +87,7 @@ def test_cells_that_cover_others() -> None:
     first: Column[int] = Column("First", lambda k: Cell("one", rows=2 - 2 * k))
     second: Column[int] = Column("Second", lambda k: Cell("wide", columns=2) if k else Cell("two"))
     covering = Table("", [first, second, Column("Third", lambda k: "three")], [0, 1])
-    shown = [[cell.text for _, cell in cells] for _, cells in covering.placed()]
+    shown = [[cell.text for _, cell in cells] for _, _, cells in covering.placed()]
     assert shown == [["one", "two", "three"], ["wide"]]
     assert 'rowspan="2"' in parts_html([covering])
     assert 'colspan="2"' in parts_html([covering])

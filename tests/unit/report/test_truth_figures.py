@@ -151,8 +151,8 @@ def test_ellipses_at_the_end_have_their_numbers() -> None:
     )
     assert of["navigation error, Monte Carlo"]["σ y"] == pytest.approx(0.044)
     assert np.isnan(of["navigation dispersion, linear"]["correlation"])  # x is held at zero
-    (panel,) = figure.panels
-    assert sum(isinstance(mark, Line) for mark in panel.marks) == len(rows)
+    assert [panel.title for panel in figure.panels] == ["true dispersion", "navigation dispersion", "navigation error"]
+    assert sum(isinstance(mark, Line) for panel in figure.panels for mark in panel.marks) == len(rows)
 
 
 def test_correlations_of_truth_and_navigation_error() -> None:

@@ -65,12 +65,12 @@ def simulated(monkeypatch: pytest.MonkeyPatch, chunks: int, seconds: float, jobs
     ("chunks", "seconds", "jobs", "workers"),
     [
         (8, 0.1, 2, 1),  # 256 samples of a reentry's reference engine
-        (8, 0.99, 2, 1),  # four chunks of a second are what a worker costs
-        (8, 1.01, 2, 2),
-        (100, 0.07, 2, 1),
-        (100, 0.1, 2, 2),
+        (8, 1.99, 2, 1),  # four chunks of two seconds are twice what a worker costs
+        (8, 2.01, 2, 2),
+        (100, 0.15, 2, 1),
+        (100, 0.17, 2, 2),
         (2, 10.0, 2, 2),  # noticed while the first one is simulated
-        (2, 3.9, 2, 1),
+        (2, 7.9, 2, 1),
         (1, 1e3, 2, 1),
         (8, 10.0, 1, 1),
         (9, 10.0, 4, 4),

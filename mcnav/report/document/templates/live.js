@@ -88,7 +88,7 @@
       if (wanted !== JSON.stringify(asked)) tune(); // released again meanwhile
       else if (done && last.sentences.length) {
         following = false;
-        sliders.retune(last.curves);
+        sliders.retune(last.curves, last.doubted);
         following = true;
         announce(`${last.sentences[0][0]}.`.split(/(?<=[.!?])\s/)[0], last.sentences[0][1]);
       }
@@ -149,7 +149,7 @@
       })));
       const sigmas = union((each) => each.sigmas).map(({ words, unit }) => rowOf([words, make("span", unit ? ` ${unit}` : "", { class: "unit" })], settings.map((setting) => {
         const one = setting.sigmas.find((each) => each.words === words);
-        return one ? cell([one.shown, one.claimed && one.claimed !== one.shown ? make("small", ` claimed ${one.claimed}`) : ""]) : cell("–");
+        return one ? cell([one.shown, one.claimed && one.claimed !== one.shown ? make("small", ` claimed ${one.claimed}`) : "", one.doubt ? tag(one.doubt, "undecided") : ""]) : cell("–");
       })));
       const words = settings.map(({ sentences }) => cell(sentences.map(([sentence, tone]) => make("p", [tone ? tag(sentence, tone) : sentence])), "words"));
       const part = (name) => make("tr", make("th", name, { scope: "rowgroup", colspan: settings.length + 1 }));

@@ -112,11 +112,12 @@
     return inside(0, [], factor);
   };
 
-  const FOREMOST = 6; // numbers on a first screen
+  const [FOREMOST, MANY] = [6, 16]; // numbers that are not folded on a first screen, and where there are more than so many
   all(".what-if").forEach((root_) => {
     const data = JSON.parse(root_.querySelector("script").textContent);
     const { outputs, sliders, requirements } = data;
-    const first_ = root_.classList.contains("first"); // on the first screen: what matters most, the rest folded
+    const first_ = root_.classList.contains("first"); // on the first screen
+    const brief_ = first_ || sliders.length > MANY; // what matters most, the rest folded
     const unmet = data.sampled ? "beyond" : "not met"; // of a bound of samples: it does not show the requirement
     const numbersIn = (text) => {
       const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -224,7 +225,7 @@
 
     const state = make("p", "", { class: first_ ? "state hidden" : "state", role: "status" }); // a banner says it
     const reset = button("Reset", () => { factors.fill(1); retuned = null; sliders.forEach((_, n) => rows[n].show()); update(); });
-    let retuned = null; // sigmas over time of the filter that is re-tuned for the numbers, by output
+    let [retuned, doubted] = [null, []]; // sigmas over time of the filter that is re-tuned for the numbers, by output; those not shown to be linear
     const copy = button("Copy as TOML", async () => {
       await copied(toml());
       copy.textContent = "Copied";
@@ -240,7 +241,7 @@
       const [size, unit] = sizes[largest];
       const ends = [0.01, 100, ...grades.map(([, factor]) => factor)].map(log10);
       const [low, high] = [floor(min(...ends)), ceil(max(...ends))];
-      const name = (first_ ? path.split(".").slice(-2).join(" ") : path.split(".").pop()).replace(/_/g, " ");
+      const name = (brief_ ? path.split(".").slice(-2).join(" ") : path.split(".").pop()).replace(/_/g, " ");
       const id = `what-if-${n}`;
       const range = make("input", [], { type: "range", id, min: low, max: high, step: 0.02, "aria-label": path });
       const value = make("input", [], { type: "text", inputmode: "decimal", "aria-label": `${path}${unit ? ` in ${unit}` : ""}`, autocomplete: "off" });
@@ -327,7 +328,7 @@
         set(ghost, { d: path((r) => value(before.m, r), before.beyond) });
         set(claimed, { d: path(stated, times.length) });
         set(line, { d: path((r) => value(m, r), until) });
-        set(again, { d: tuned.map((v, k) => `${k ? "L" : "M"}${across(retuned[""][k]).toFixed(1)} ${up(v).toFixed(1)}`).join("") });
+        set(again, { d: tuned.map((v, k) => `${k ? "L" : "M"}${across(retuned[""][k]).toFixed(1)} ${up(v).toFixed(1)}`).join(""), "stroke-dasharray": doubted.includes(name) ? "6 4" : "none" });
         words.replaceChildren();
         const ticks = ticksOf(0, top, 0, 3);
         ticks.forEach(([v, step]) => put(L - 4, up(v) + 4, shown(v + 0, step), "end"));
@@ -336,7 +337,7 @@
         set(svg, { "aria-label": `Sigma of ${name} over ${data.label}: at the end ${number(value(m, last), 3)} ${inUnit}, in the campaign ${number(value(before.m, last), 3)} ${inUnit}` });
       } };
     });
-    const first = [...new Set([...requirements.flatMap(({ members }) => members), ...outputs.keys()])].slice(0, first_ ? 4 : 9);
+    const first = [...new Set([...requirements.flatMap(({ members }) => members), ...outputs.keys()])].slice(0, brief_ ? 4 : 9);
     const plotsOf = (some) => make("div", some.map(({ element }) => element), { class: "small" });
     const others = panels.filter(({ i }) => !first.includes(i));
     const more = others.length ? make("details", [make("summary", `${others.length} more`), plotsOf(others)]) : null;
@@ -412,7 +413,7 @@
     };
     // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
     root_.factors = () => Object.fromEntries(sliders.map(({ path }, n) => [path, factors[n]]).filter(([, factor]) => factor !== 1));
-    root_.retune = (curves) => { retuned = curves; update(); };
+    root_.retune = (curves, names = []) => { [retuned, doubted] = [curves, names]; update(); };
     root_.multipliers = () => factors;
     root_.sizes = () => Object.fromEntries(sliders.map(({ path, sizes, shown: largest }) => [path, sizes[largest].join(" ")]));
     root_.choose = (chosenFactors) => {
@@ -442,18 +443,18 @@
       return [...rows.keys()].sort((p, q) => largest[q] - largest[p]).slice(0, FOREMOST);
     };
     const numbers = () => {
-      if (!first_) return [choice, ...groups.values()];
+      if (!brief_) return [choice, ...groups.values()];
       const shownFirst = make("div", foremost().map((n) => rows[n].row));
       const rest = [...groups.values()].filter((group) => group.querySelector(".row"));
       const count_ = rest.reduce((sum, group) => sum + group.querySelectorAll(".row").length, 0);
-      return [shownFirst, ...(count_ ? [folded(`${count_} more`, [choice, ...rest])] : [])];
+      return [...(first_ ? [] : [choice]), shownFirst, ...(count_ ? [folded(`${count_} more`, [...(first_ ? [choice] : []), ...rest])] : [])];
     };
     root_.append(
       make("div", [state, reset, copy], { class: "bar-of-state" }),
       ...(!first_ && (data.tuned || own) ? [filterLine] : []),
       make("div", [
         make("div", numbers(), { class: "numbers" }),
-        make("div", first_ ? [...plots, folded("Numbers", [...(data.tuned || own ? [filterLine] : []), ...tables])] : [...tables.slice(0, -1), ...plots, ends], { class: "results" }),
+        make("div", first_ ? [...plots, folded("Numbers", [...(data.tuned || own ? [filterLine] : []), ...tables])] : [...tables.slice(0, -1), ...plots, brief_ ? folded("Sigmas at the end", [ends]) : ends], { class: "results" }),
       ], { class: "halves" }),
     );
     update();

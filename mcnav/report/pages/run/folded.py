@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
-from mcnav.report.document.parts import Answers, Folded, Part
+from mcnav.report.document.parts import Answers, Folded, Heading, Part
 from mcnav.report.document.table import Table
 from mcnav.report.drawing.figure import Figure, MovedFigure
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.results.worst_components import departures, worst_components
+from mcnav.report.results.worst_components import departures, filter_departures, worst_components
 
-ROWS: Final = 8
+ROWS: Final = 5
 """Rows of a table that is not folded."""
+
+OF_FILTER: Final = "sigma-history"
+"""Figure whose panels depart by the ratio to the filter's sigma."""
 
 COLUMNS: Final = 12
 """Columns of one."""
 
 SECONDARY: Final = frozenset(
-    {"quantiles", "convergence", "nees", "within-history", "matrices", "scatter", "development"}
+    {
+        "quantiles",
+        "convergence",
+        "nees",
+        "within-history",
+        "matrices",
+        "scatter",
+        "development",
+        "nees-history",
+        "nis-history",
+        "combination",
+    }
 )
 """Figures that are folded whole: they examine what others of their section show."""
 
@@ -28,8 +43,8 @@ def with_worst_first(content: RunAnalysis, figure: Figure) -> Figure:
     """Put the panel of the worst component of each vector first, the worst of all before others; fold the rest."""
     if not content.looped or figure.shown or isinstance(figure, MovedFigure) or len(figure.panels) <= figure.beside:
         return figure
-    away, names = departures(content), content.output_names
-    worst = {names[place] for place in worst_components(content)}
+    away = filter_departures(content) if figure.name == OF_FILTER else departures(content)
+    worst = {content.output_names[place] for place in worst_components(content, away)}
 
     def rank(panel_title: str) -> tuple[bool, float]:
         return panel_title not in worst, -away.get(panel_title, 0.0)
@@ -39,8 +54,16 @@ def with_worst_first(content: RunAnalysis, figure: Figure) -> Figure:
 
 
 def with_folded_parts(parts: Sequence[Part]) -> list[Part]:
-    """Fold tables of many rows, and secondary figures under their titles."""
-    return [_folded(part) for part in parts]
+    """Fold tables of many rows, and secondary figures under their titles; a heading of one of them is its title."""
+    kept: list[Part] = []
+    pieces = [_folded(part) for part in parts]
+    for part, piece, following in zip(parts, pieces, [*pieces[1:], Heading("")], strict=True):
+        heading = kept[-1] if kept else None
+        if piece is not part and isinstance(heading, Heading) and isinstance(following, (Heading, Folded)):
+            kept[-1] = replace(piece, summary=heading.text) if isinstance(piece, Folded) else piece
+        else:
+            kept.append(piece)
+    return kept
 
 
 def _folded(part: Part) -> Part:
@@ -48,7 +71,12 @@ def _folded(part: Part) -> Part:
         case Answers():
             return Folded(f"Each of the {sum(len(table.rows) for table in part.tables)} outputs", [part])
         case Table() if len(part.rows) > ROWS or len(part.columns) > COLUMNS:
-            return Folded(f"Table of {len(part.rows)} rows", [part])
+            return Folded(_title(part), [part])
         case Figure() if part.name in SECONDARY:
             return Folded(part.title, [part])
     return part
+
+
+def _title(table: Table[Any]) -> str:
+    """Return the first words of a table's caption: what it has."""
+    return re.split(r"[.:;,]", str(table.caption))[0] or f"Table of {len(table.rows)} rows"

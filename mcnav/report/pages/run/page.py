@@ -9,7 +9,7 @@ from typing import Final
 from mcnav.analysis.heading import heading_remark
 from mcnav.report.columns import filter_tables
 from mcnav.report.document.html import page_html
-from mcnav.report.document.parts import Note, Page, Part, Section, Tile, Tiles, joined
+from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Tile, Tiles, joined
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures import agreement, dispersion, matrices, normalized_errors, run_budget, sigma_ratios, truth
 from mcnav.report.figures.captions import words_on
@@ -20,7 +20,7 @@ from mcnav.report.figures.estimation import estimation
 from mcnav.report.figures.flight import flight
 from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.figures.tail import tails
-from mcnav.report.pages.run.first_screen import WHOLE, first_screen
+from mcnav.report.pages.run.first_screen import WHOLE, first_screen, stated_on
 from mcnav.report.pages.run.folded import with_folded_parts, with_worst_first
 from mcnav.report.pages.run.sections.answers import FILTERED, answers
 from mcnav.report.pages.run.sections.budget import budget_section
@@ -32,13 +32,13 @@ from mcnav.report.pages.run.sections.provenance import provenance_section, simul
 from mcnav.report.pages.run.sections.remedies import ALL_REMEDIES, remedies_section
 from mcnav.report.pages.run.sections.smoother import smoother_section
 from mcnav.report.pages.run.sections.truth import truth_section
-from mcnav.report.pages.run.sections.what_if import linear_fails, what_if_section
+from mcnav.report.pages.run.sections.what_if import what_if_section, where_nonlinear
 from mcnav.report.pages.run.tiles import NAMES, headline, tiles
 from mcnav.report.pages.screen import folds_of, numbered_page
 from mcnav.report.results.left_out import not_modelled
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements import verdicts
-from mcnav.report.statements.details import certain_but_small, findings, room_to_grow, stopping
+from mcnav.report.statements.details import certain_but_small, explanation_of_filter, findings, room_to_grow, stopping
 from mcnav.report.statements.verdicts import Statement, Subject
 
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
@@ -81,10 +81,11 @@ def render(content: RunAnalysis) -> str:
 def page(content: RunAnalysis) -> Page:
     """Return the report: one screen that answers, and everything else in folds."""
     name, drawn = content.summary.campaign, figures(content)
-    sections = {section.name: section for section in _sections(content, drawn)}
+    stated = stated_on(content)
+    sections = {section.name: section for section in _sections(content, drawn, stated[0].subject)}
     consistent = None if content.filter is None else filter_tables.interval_at_worst(content.filter)
     made = tiles(content.summary, _stated(content), sections, content.time_unit, consistent)
-    first = first_screen(content, drawn, made)
+    first = first_screen(content, drawn, made, stated)
     moved = None
     if first.moved is not None:
         sections.pop(WHOLE, None)
@@ -132,22 +133,29 @@ def _tiles(verdicts: Mapping[str, Tile], *subjects: Subject) -> Tiles | None:
     return Tiles(chosen) if chosen else None
 
 
-def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section]:
-    """List the sections of the report; most are there where there is dispersion to show."""
+def _sections(content: RunAnalysis, drawn: Mapping[str, Figure], decided: Subject) -> list[Section]:
+    """List the sections of the report; most are there where there is dispersion to show.
+
+    ``decided``: what the foremost verdict is on. A combination of outputs has a section where that is linear analysis.
+    """
     throughout, flown, dispersed = drawn.get("envelopes"), drawn.get("flight"), content.dispersed
-    moved = drawn.get("deck")
+    moved, decides = drawn.get("deck"), decided == "linear"
+    differing = combination_section(content, drawn)
+    folded_flight = Folded(flown.title, [flown]) if flown and moved and content.looped else None
     sections = [
-        combination_section(content, drawn),
-        None if moved is None else Section("deck", moved.title, [moved]),
+        differing if decides else None,
+        None if moved is None else Section("deck", moved.title, [moved, *joined(folded_flight)]),
         None if throughout is None else Section("throughout", throughout.title, [throughout]),
         truth_section(content, drawn) if dispersed else None,
         *filter_sections(content, drawn),
         smoother_section(content),
-        None if flown is None else Section("flight", flown.title, [flown]),
+        None if flown is None or folded_flight else Section("flight", flown.title, [flown]),
         budget_section(content, drawn) if dispersed else None,
         remedies_section(content.remedies, content.manifest.model.outputs, ALL_REMEDIES),
-        what_if_section(content.what_if, content.manifest.model.outputs, content.looped, linear_fails(content.summary)),
-        joint_section(content, drawn) if dispersed else None,
+        what_if_section(
+            content.what_if, content.manifest.model.outputs, content.looped, where_nonlinear(content.summary)
+        ),
+        joint_section(content, drawn, None if decides else differing) if dispersed else None,
         dispersion_section(content, drawn) if dispersed else None,
         requirements_section(content, drawn),
         sigmas_section(content, drawn) if dispersed else None,
@@ -157,7 +165,10 @@ def _sections(content: RunAnalysis, drawn: Mapping[str, Figure]) -> list[Section
     known = [section for section in sections if section is not None]
     if not content.looped:
         return known
-    return [replace(section, parts=with_folded_parts(section.parts)) for section in known]
+    return [
+        section if section.name == "requirements" else replace(section, parts=with_folded_parts(section.parts))
+        for section in known
+    ]
 
 
 def _stated(content: RunAnalysis) -> list[Statement]:
@@ -177,8 +188,8 @@ def _on_page(content: RunAnalysis, statement: Statement) -> Statement:
         others = [warning for warning in statement.warnings if not warning.startswith("Warning: the heading ")]
         return replace(statement, details=known, warnings=(*others, heading))  # which says more than the scenario's
     if statement.subject == "filter" and content.filter is not None:
-        where = filter_tables.at_worst(content.filter)
-        return replace(statement, details=(" ".join(filter(None, (where, *statement.details))),))
+        explained = explanation_of_filter(summary)  # with which the first section of the fold begins
+        return replace(statement, details=tuple(words for words in statement.details if words != explained))
     return statement
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+import numpy as np
+
 from mcnav.entries.context import FileContext
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes
 from mcnav.systems.closed_loop.strapdown.navigator import ERRORS, INSTABILITY, PROCESSES, WALKS, Strapdown
@@ -102,4 +104,5 @@ def _with_processes(sizes: Sizes, structure: Structure, imu: Imu) -> Sizes:
         assert place is not None
         local = slice(place.start - structure.markov.begin, place.stop - structure.markov.begin)
         markov[local], decay[local] = noise.instability, 1.0 / noise.correlation_time
-    return replace(sizes, white=white, markov=markov, decay=decay)
+    initial = None if sizes.initial is None else np.where(markov == sizes.markov, sizes.initial, markov)
+    return replace(sizes, white=white, markov=markov, decay=decay, initial=initial)

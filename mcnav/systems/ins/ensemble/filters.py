@@ -287,8 +287,8 @@ def parts_first(lanes: Array, *shape: int) -> Array:
 
 
 @allocation_free_part
-def _own_rows(rows: Array, t: int, c: int, j: int) -> Block:
-    """Return the responses of three components of the samples of a part to three states of navigation."""
+def _nine_of(rows: Array, t: int, c: int, j: int) -> Block:
+    """Return three rows and three columns of the samples of a part: responses of components to states, or a root's."""
     a, b, d = THREE * c, THREE * c + 1, THREE * c + 2
     e, f, g = THREE * j, THREE * j + 1, THREE * j + 2
     return (
@@ -347,18 +347,18 @@ def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covari
             begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
             for r in range(p.shape[1]):
                 # P H^T, with each sample's own H of psi, v, x
-                x = multiply(load_symmetric(p, t, r, begin), transpose(_own_rows(rows, t, c, begin)))
+                x = multiply(load_symmetric(p, t, r, begin), transpose(_nine_of(rows, t, c, begin)))
                 for j in range(begin + 1, end):
-                    x = add_product(x, load_symmetric(p, t, r, j), transpose(_own_rows(rows, t, c, j)))
+                    x = add_product(x, load_symmetric(p, t, r, j), transpose(_nine_of(rows, t, c, j)))
                 for s in tables.linked:
                     to_state = transpose(load_numbers(states, (u, c, s)))
                     x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
                 store_block(cross, (t, r, c), x)
             for e in range(c + 1):
                 # H P H^T
-                x = multiply(_own_rows(rows, t, c, begin), load_block(cross, (t, begin, e)))
+                x = multiply(_nine_of(rows, t, c, begin), load_block(cross, (t, begin, e)))
                 for j in range(begin + 1, end):
-                    x = add_product(x, _own_rows(rows, t, c, j), load_block(cross, (t, j, e)))
+                    x = add_product(x, _nine_of(rows, t, c, j), load_block(cross, (t, j, e)))
                 for s in tables.linked:
                     x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
                 _store_root(filters.root_parts, t, c, e, x)
@@ -401,18 +401,6 @@ def factor_innovations(u: int, m: int, variances: Array, sound: Array, cause: Ar
 
 
 @allocation_free_part
-def _root_block(root: Array, t: int, c: int, e: int) -> Block:
-    """Return a block of the innovations' Cholesky factor below its diagonal blocks."""
-    a, b, d = THREE * c, THREE * c + 1, THREE * c + 2
-    f, g, h = THREE * e, THREE * e + 1, THREE * e + 2
-    return (
-        load_part(root, (a, f, t)), load_part(root, (a, g, t)), load_part(root, (a, h, t)), load_part(root, (b, f, t)),
-        load_part(root, (b, g, t)), load_part(root, (b, h, t)), load_part(root, (d, f, t)), load_part(root, (d, g, t)),
-        load_part(root, (d, h, t)),
-    )  # fmt: skip
-
-
-@allocation_free_part
 def _divide_by_root(x: Block, root: Array, inverse: Array, t: int, c: int) -> Block:
     """Compute ``X L^-T`` with a diagonal block L of the innovations' Cholesky factor."""
     a = THREE * c
@@ -436,7 +424,7 @@ def _whiten(m: int, t: int, accepted: Array, whitened: Array, filters: Covarianc
             # W_c = (P H^T_c - sum of W_e L_ce^T) L_cc^-T
             x = scale(load_block(cross, (t, r, c)), share)
             for e in range(c):
-                x = subtract_product(x, load_block(white, (r, e)), transpose(_root_block(root, t, c, e)))
+                x = subtract_product(x, load_block(white, (r, e)), transpose(_nine_of(root, t, c, e)))
             x = _divide_by_root(x, root, inverse, t, c)
             store_block(white, (r, c), x)
             # W u, with the whitened innovation u = L^-1 n: what the estimates of three states gain
@@ -499,7 +487,7 @@ def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: Filter
         for c in range(blocks - 1, -1, -1):
             x = scale_rows(load_block(white, (r, c)), steps.corrected, r)
             for e in range(c + 1, blocks):
-                x = subtract_product(x, load_block(gain, (r, e)), _root_block(root, t, e, c))
+                x = subtract_product(x, load_block(gain, (r, e)), _nine_of(root, t, e, c))
             store_block(gain, (r, c), _divide_by_transposed_root(x, root, filters.inverse_parts, t, c))
     # X = (I - K H) P
     for r in range(n):
@@ -512,9 +500,9 @@ def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: Filter
         # X H^T - K R
         begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
         for r in range(n):
-            x = multiply(load_block(left, (r, begin)), transpose(_own_rows(rows, t, c, begin)))
+            x = multiply(load_block(left, (r, begin)), transpose(_nine_of(rows, t, c, begin)))
             for j in range(begin + 1, end):
-                x = add_product(x, load_block(left, (r, j)), transpose(_own_rows(rows, t, c, j)))
+                x = add_product(x, load_block(left, (r, j)), transpose(_nine_of(rows, t, c, j)))
             for s in tables.linked:
                 to_state = transpose(load_numbers(tables.state_rows, (u, c, s)))
                 x = add_product(x, load_block(left, (r, THREE + s)), to_state)

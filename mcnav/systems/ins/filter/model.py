@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -119,7 +120,7 @@ class FilterModel:
         """True where a smoother follows."""
         return self.lag is not None
 
-    @property
+    @cached_property
     def states(self) -> tuple[FilterState, ...]:
         """States besides the nine of navigation, in order; errors in which it does not believe have none.
 

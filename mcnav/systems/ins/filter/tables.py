@@ -173,15 +173,17 @@ def initial_covariance(
 
 def _add_noise(noise: Array, systems: Mapping[str, tuple[Array, Array, Array]], of_state: Mapping[str, int]) -> None:
     """Add what processes add in a step to the covariance of psi, v, x and of the states that model them."""
+    navigation = np.zeros((len(noise), NAVIGATION, NAVIGATION))
     for name, (response, added, _) in systems.items():
         if name not in of_state and response.any():
             continue  # a bias without a state is neglected
-        noise[:, :NAVIGATION, :NAVIGATION] += added[:, :NAVIGATION, :NAVIGATION]
+        navigation += added[:, :NAVIGATION, :NAVIGATION]
         if name in of_state:
             at = of_state[name]
             noise[:, at, :NAVIGATION] += added[:, NAVIGATION, :NAVIGATION]
             noise[:, :NAVIGATION, at] += added[:, :NAVIGATION, NAVIGATION]
             noise[:, at, at] += added[:, NAVIGATION, NAVIGATION]
+    noise[:, :NAVIGATION, :NAVIGATION] += navigation
 
 
 def same_memory(one: Imu, other: Imu) -> bool:

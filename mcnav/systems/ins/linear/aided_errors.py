@@ -11,6 +11,7 @@ from mcnav.arrays.products import map_covariances, transform
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.linear.engine.propagate import propagate
 from mcnav.linear.engine.smoother import smooth
+from mcnav.linear.engine.transitions import TOGETHER
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.gravity import add_by_cause
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
@@ -57,7 +58,9 @@ class SmoothedErrors:
     nominal: Array
 
 
-def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) -> ClosedLoopErrors:
+def propagate_closed_loop(
+    loop: ClosedLoop, readings: IndexArray, after: Array, by_cause: bool = True
+) -> ClosedLoopErrors:
     """Propagate the true errors and the filter's covariance.
 
     Parameters
@@ -66,6 +69,8 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         Numbers of the times at which errors are read out, in order.
     after : ndarray of bool, shape (m,)
         Whether after the updates at that time, or before.
+    by_cause : bool
+        Each process by itself; else all together, which takes less time.
     """
     timeline, positions = loop.timeline, loop.positions(readings, after)
     if timeline.filter is None:
@@ -79,8 +84,9 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         of_state, of_constants = pairs.of_values(of_state), pairs.of_values(of_constants)
     outputs = np.pad(maps, ((0, 0), (0, 0), (0, timeline.states - NAVIGATION)))
     rows = np.concatenate([outputs, of_state], axis=1)
-    read = propagate(timeline, designed.gains, positions, maps=lambda position: rows[number_at[position]])
-    named = {name: read.covariances[:, number] for number, name in enumerate(timeline.processes)}
+    read = propagate(timeline, designed.gains, positions, by_cause, maps=lambda position: rows[number_at[position]])
+    processes = timeline.processes if by_cause else (TOGETHER,)[: len(timeline.processes)]
+    named = {name: read.covariances[:, number] for number, name in enumerate(processes)}
     of_others = np.diagonal(read.covariances, axis1=2, axis2=3)[:, :, NAVIGATION:]
     own = designed.covariances
     return ClosedLoopErrors(
@@ -90,7 +96,7 @@ def propagate_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array) 
         map_covariances(maps, own[:, :NAVIGATION, :NAVIGATION]),
         read.partials[:, :NAVIGATION, -1],
         (read.partials[:, NAVIGATION:] + of_constants)[:, :, :-1],
-        add_by_cause({name: of_others[:, number] for number, name in enumerate(timeline.processes)}),
+        add_by_cause({name: of_others[:, number] for number, name in enumerate(processes)}),
         (
             np.diagonal(own, axis1=1, axis2=2)[:, NAVIGATION:].copy()
             if pairs is None

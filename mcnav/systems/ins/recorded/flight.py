@@ -208,11 +208,12 @@ class _Passing:
         feedback, decay = self._feedback(passage)
         transition = np.eye(size)
         parts = [np.zeros((len(support), len(support))) for support in self.supports]
-        for step, each in enumerate(transitions):
-            transition = each @ transition
-            for number, support in enumerate(self.supports):
-                inner = each[np.ix_(support, support)]
-                parts[number] = transform(inner, parts[number]) + noises[number][step][np.ix_(support, support)]
+        for number, support in enumerate(self.supports):
+            block = np.s_[:, support[:, None], support]
+            for inner, noise in zip(transitions[block], noises[number][block], strict=True):
+                parts[number] = transform(inner, parts[number]) + noise
+        for passed in transitions:
+            transition = passed @ transition
         processes = tuple(
             Part(cause, support, part)
             for (cause, _), support, part in zip(self.causes.driving, self.supports, parts, strict=True)

@@ -274,12 +274,18 @@ class ErrorModel:
         size = self.size
         white = np.zeros((len(steps.durations), size, size))
         for place, random_walk in ((ATTITUDE, cause.gyro), (VELOCITY, cause.accelerometer)):
-            density = axes * random_walk**2 @ np.swapaxes(axes, -1, -2)
-            white[:, place, place] = steps.mean(density)
+            if np.any(random_walk):
+                density = axes * random_walk**2 @ np.swapaxes(axes, -1, -2)
+                white[:, place, place] = steps.mean(density)
         others = np.arange(NAVIGATION, size)
         white[:, others, others] = self._driven(steps.rates) * cause.states
-        noise = white + 4.0 * (half @ white @ np.swapaxes(half, -1, -2)) + whole @ white @ np.swapaxes(whole, -1, -2)
-        noise *= (steps.durations / 6.0)[:, None, None]
+        # a cause drives navigation and its own states alone
+        driven = np.concatenate([np.arange(NAVIGATION), others[cause.states != 0.0]])
+        block = np.s_[:, driven[:, None], driven]
+        noise = np.zeros_like(white)
+        own, middle, end = white[block], half[block], whole[block]
+        own = own + 4.0 * (middle @ own @ np.swapaxes(middle, -1, -2)) + end @ own @ np.swapaxes(end, -1, -2)
+        noise[block] = own * (steps.durations / 6.0)[:, None, None]
         # correlated errors of sensors drive no other state, and may be shorter than a step
         alone, variances = self._alone
         remaining = np.exp(-2.0 * np.outer(steps.durations, self.decay_rates[alone]))

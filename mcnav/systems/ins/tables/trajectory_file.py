@@ -19,9 +19,9 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.entries.near_files import near_file
-from mcnav.errors import suggestion
+from mcnav.errors import reason_of, suggestion
 from mcnav.files.parquet import numbers_in
-from mcnav.files.whole import TextError, read_whole, text_of
+from mcnav.files.whole import TextError, is_number, read_whole, text_of
 from mcnav.physics.units import UnitError, printable, quantity
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.tables.trajectory_formats import foreign_format, why_no_header
@@ -221,7 +221,7 @@ def _read_csv(content: bytes, columns: Mapping[str, str]) -> Table:
         header = next(csv.reader([text.lstrip("#% ")], delimiter=delimiter))
     except (csv.Error, StopIteration):
         raise TrajectoryError("is no table: its first line is neither names nor numbers") from None
-    headless = all(_is_number(entry) for entry in header)
+    headless = all(is_number(entry) for entry in header)
     if headless and columns:
         raise TrajectoryError("has no header, so that columns cannot be named; add one, or leave out columns")
     if headless and len(header) != len(COLUMNS):
@@ -244,14 +244,6 @@ def _converted(values: Mapping[str, Array], columns: Mapping[str, Column]) -> Ta
     """Convert columns to SI units and rad."""
     converted = {name: values[name] * columns[name].factor for name in values}
     return Table(converted, {name: last_decimal(values[name]) * columns[name].factor for name in POSITION})
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text
 
 
 def _parse(body: bytes, width: int, delimiter: str, columns: Iterable[Column]) -> list[pa.ChunkedArray]:
@@ -286,7 +278,7 @@ def _numbers(cells: Sequence[bytes | None], column: Column) -> Array:
     numbers = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         text = (cell or b"").decode("utf-8", "replace").strip()
-        if not _is_number(text):
+        if not is_number(text):
             came = f"got '{printable(text, 40)}'" if text else "is empty"
             raise TrajectoryError(f"{came}; expected a number", row + 1, column.written)
         numbers[row] = float(text)
@@ -313,7 +305,7 @@ def _read_parquet(content: bytes, columns: Mapping[str, str]) -> Table:
         file = pq.ParquetFile(io.BytesIO(content))
         rows, schema = file.metadata.num_rows, file.schema_arrow
     except (OSError, ValueError, pa.ArrowException) as failure:
-        raise TrajectoryError(f"is no parquet file that can be read: {_reason(failure)}") from None
+        raise TrajectoryError(f"is no parquet file that can be read: {reason_of(failure)}") from None
     _check_size(rows)
     parquet = _find_columns(schema.names, columns)
     for column in parquet.values():
@@ -324,7 +316,7 @@ def _read_parquet(content: bytes, columns: Mapping[str, str]) -> Table:
         table = file.read(columns=[column.written for column in parquet.values()])
         return _converted({name: _floats(table[column.written]) for name, column in parquet.items()}, parquet)
     except (OSError, ValueError, pa.ArrowException) as failure:
-        raise TrajectoryError(f"is no parquet file that can be read: {_reason(failure)}") from None
+        raise TrajectoryError(f"is no parquet file that can be read: {reason_of(failure)}") from None
 
 
 def _floats(column: pa.ChunkedArray) -> Array:
@@ -332,7 +324,3 @@ def _floats(column: pa.ChunkedArray) -> Array:
     import pyarrow as pa
 
     return np.asarray(numbers_in(column.cast(pa.float64(), safe=False)), dtype=float)
-
-
-def _reason(failure: Exception) -> str:
-    return printable(str(failure).splitlines()[0] if str(failure) else type(failure).__name__, 200)

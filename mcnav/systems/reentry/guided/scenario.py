@@ -22,6 +22,7 @@ from mcnav.linear.engine.propagate import propagate
 from mcnav.numerics.power_sums import sum_powers
 from mcnav.physics.constants import EARTH_RADIUS
 from mcnav.systems.histories import with_errors
+from mcnav.systems.reentry.engines import HISTORY_TIME
 from mcnav.systems.reentry.guided.description import TRUTH_SOURCES, Ending, Guidance, GuidedNavigation
 from mcnav.systems.reentry.guided.ensemble.kernel import SOURCES, simulate_flights, simulate_steps
 from mcnav.systems.reentry.guided.following import Following, NoMargin, follow
@@ -31,8 +32,8 @@ from mcnav.systems.reentry.guided.reference import GuidedReferenceEngine
 from mcnav.systems.reentry.guided.remarks import departures_of, doubtful_end, draw_flights, limited_lift, rival_maxima
 from mcnav.systems.reentry.guided.timeline import fly_timeline, partials_before_reentry
 from mcnav.systems.reentry.outputs import FurtherOutput
-from mcnav.systems.reentry.scenario import HISTORY_TIME, Flight, Reentry
 from mcnav.systems.reentry.scenario import SOURCES as OF_NAVIGATION
+from mcnav.systems.reentry.scenario import Flight, Reentry
 from mcnav.systems.variations import ROUNDING, check_span
 
 ENSEMBLE_CHUNK: Final = 2_048

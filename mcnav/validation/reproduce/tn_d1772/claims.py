@@ -12,18 +12,20 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
-from mcnav.analysis.comparison import Criterion, Model, compare
+from mcnav.analysis.comparison import Criterion, compare
 from mcnav.analysis.linearity import alone
+from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.contract.engine import without_noise
 from mcnav.contract.quantities import source_labels
 from mcnav.linear.partials import Propagate, partials_at_later_starts
 from mcnav.physics.constants import GRAVITATIONAL_PARAMETER
 from mcnav.report.names import humanize
+from mcnav.systems.reentry.engines import ReferenceEngine
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import simulate_indicated
 from mcnav.systems.reentry.outputs import DEVIATIONS
-from mcnav.systems.reentry.scenario import Flight, Reentry, ReferenceEngine
+from mcnav.systems.reentry.scenario import Flight, Reentry
 from mcnav.systems.reentry.table_i import (
     ALL_ERRORS,
     COLUMNS,

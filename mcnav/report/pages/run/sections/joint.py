@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from markupsafe import Markup
 
@@ -19,6 +20,9 @@ from mcnav.report.format import fixed, number, with_error
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.joint import combination_words, direction_of
 from mcnav.statistics.estimates import Estimate
+
+MOST_PAIRS: Final = 300
+"""Pairs of outputs that a page shows at most."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +73,13 @@ def combination_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Se
     return Section("combination", f"Where the joint distribution {finding}", [figure])
 
 
-def joint_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:
-    """Arrange what is known of all outputs together, of pairs, and of covariances and correlations."""
+def joint_section(content: RunAnalysis, drawn: Mapping[str, Figure], differing: Section | None) -> Section:
+    """Arrange what is known of all outputs together, of pairs, and of covariances and correlations.
+
+    ``differing``: the section on the combination, if something else decides: it is folded here.
+    """
     words, tests = ellipsoid_words(content), content.comparison.joint
-    parts: list[Part] = []
+    parts: list[Part] = [] if differing is None else [Folded(differing.title, differing.parts)]
     if words is not None:
         parts += [*_nees(words, tests), *joined(drawn.get("nees")), _definition()]
         parts += [] if tests is None else _details(content, tests)
@@ -130,7 +137,18 @@ def _correlations(content: RunAnalysis, tests: MultivariateTests) -> Table[Corre
         Column("Paired", lambda row: fixed(row.paired, 5)),
         Column("Difference", lambda row: _with_reach(content, row.difference)),
     ]
-    return Table("Correlations: linear, paired estimate, and their difference.", columns, tests.correlations)
+    caption, rows = "Correlations: linear, paired estimate, and their difference.", tests.correlations
+    if len(rows) > MOST_PAIRS:
+        caption += (
+            f" Of {len(rows):,} pairs the {MOST_PAIRS} that differ most, in standard errors; summary.json has all."
+        )
+        rows = tuple(sorted(rows, key=_significance, reverse=True)[:MOST_PAIRS])
+    return Table(caption, columns, rows)
+
+
+def _significance(row: CorrelationDifference) -> float:
+    """Return a difference in its standard errors."""
+    return abs(row.difference.value) / (row.difference.standard_error or 1.0)
 
 
 def _with_reach(content: RunAnalysis, estimate: Estimate) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from markupsafe import Markup, escape
@@ -11,7 +12,7 @@ from markupsafe import Markup, escape
 from mcnav.analysis.remedies import CONFIRMING, REFUTING, Remedies, Remedy
 from mcnav.contract.quantities import Output
 from mcnav.physics.units import conversion
-from mcnav.report.document.parts import Note, Part, Section, Sentence, joined
+from mcnav.report.document.parts import Folded, Note, Part, Section, Sentence, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table
 from mcnav.report.format import rounded
 from mcnav.report.names import humanize
@@ -31,7 +32,9 @@ COMPUTED: Final = (
 HELD: Final = "“Gains held”: the filter keeps its gains, and a run of the changed file re-tunes it."
 DRAWS: Final = "Samples of a changed campaign have the draws of this run."
 LEFT: Final = "A run does not wait for {} more: {} computes them."
-WITHHELD: Final = "Withheld, because samples did not confirm it: {}."
+WITHHELD: Final = "Withheld, because linear analysis does not hold of it or samples did not confirm it: {}."
+UNEXAMINED: Final = "Flights did not examine linear analysis of all changes: {}. {} does it."
+DOUBT: Final = "linear analysis {} of it: simulate it first"
 CODE_FILTER: Final = "What the filter models is in the code of the scenario. Let it estimate or consider {}."
 TONES: Final = dict.fromkeys(CONFIRMING, "agrees") | dict.fromkeys(REFUTING, "differs")
 UNKNOWN: Final = "None known: see why"
@@ -40,6 +43,9 @@ LONGEST: Final = 14
 
 NAMED: Final = 3
 """Remedies that are named where they are withheld."""
+
+FIRST: Final = 3
+"""Remedies that are not folded."""
 
 Outputs = Sequence[Output | Variable]
 
@@ -54,6 +60,7 @@ def remedy_parts(remedies: Remedies, outputs: Outputs, command: str) -> list[Par
     notes = [
         Note(CODE_FILTER.format(several([humanize(kind) for kind in remedies.missed]))) if remedies.missed else None,
         Note(WITHHELD.format(several(remedies.withheld, NAMED))) if remedies.withheld else None,
+        Note(Markup(UNEXAMINED).format(remedies.unexamined, CODE(command))) if remedies.unexamined else None,
         Note(Markup(LEFT).format(remedies.left, CODE(command))) if remedies.left else None,
     ]
     if not remedies.listed:
@@ -63,7 +70,12 @@ def remedy_parts(remedies: Remedies, outputs: Outputs, command: str) -> list[Par
         *([HELD] if any(remedy.held for remedy in remedies.listed) else []),
         *([DRAWS] if any(remedy.samples for remedy in remedies.listed) else []),
     ])  # fmt: skip
-    return [*joined(remedy_table(remedies, outputs), *notes), Note(how)]
+    table = remedy_table(remedies, outputs)
+    rest = len(table.rows) - FIRST
+    if rest < 2:
+        return [table, *joined(*notes), Note(how)]
+    others = Folded(f"{rest} that help less", [replace(table, rows=table.rows[FIRST:], caption="")])
+    return [replace(table, rows=table.rows[:FIRST]), others, *joined(*notes), Note(how)]
 
 
 def remedy_table(remedies: Remedies, outputs: Outputs) -> Table[Remedy]:
@@ -88,6 +100,8 @@ def remedy_table(remedies: Remedies, outputs: Outputs) -> Table[Remedy]:
             columns.append(Column(heading, lambda row: sigma_words(row.then.sigma, remedies, outputs)))
     else:
         columns.append(Column("Limit used then", lambda row: percent(row.then.used)))
+    if any(row.doubted for row in remedies.listed):
+        columns.append(Column("Linear analysis then", lambda row: row.linearity or "not examined", kind="label"))
     if any(row.simulated for row in remedies.listed):
         columns.append(Column("Simulated", simulated, kind="label"))
     columns.append(Column("", lambda row: Cell(COPY(row.campaign)), kind="label", place="page"))
@@ -113,7 +127,10 @@ def fix(remedies: Remedies | None, outputs: Outputs) -> Markup | str:
         reason = f"{remedies.reason[:1].upper()}{remedies.reason[1:]}."
         return LINK(reason if len(reason.split()) <= LONGEST else UNKNOWN)
     best = remedies.best
-    return Markup("{}: {}. {}").format(LINK(_first_up(best.words)), effect(remedies, outputs), COPY(best.campaign))
+    done = effect(remedies, outputs)
+    if best.doubted:
+        done = f"{done}; {DOUBT.format(best.linearity)}"
+    return Markup("{}: {}. {}").format(LINK(_first_up(best.words)), done, COPY(best.campaign))
 
 
 def effect(remedies: Remedies, outputs: Outputs) -> str:

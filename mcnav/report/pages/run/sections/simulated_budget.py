@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from markupsafe import Markup
 
 from mcnav.arrays.types import Array
-from mcnav.report.document.parts import Folded, Heading, Note, Part, Sentence
+from mcnav.report.document.parts import Folded, Heading, Note, Part
 from mcnav.report.document.table import STRONG, Column, Table
 from mcnav.report.figures.sources import SHOWN, flown_shares
 from mcnav.report.format import share
@@ -20,6 +21,9 @@ from mcnav.statistics.estimates import Estimate
 
 NEGLIGIBLE: Final = 1e-3
 """Share by every method below which a source is left out of long tables of shares."""
+
+MOST_ROWS: Final = 1_000
+"""Rows of the tables of all outputs, about; of more, those of the largest shares of each output are shown."""
 
 INTERACTION: Final = 0.01
 """Excess of a total over a first-order Sobol index that counts as an interaction."""
@@ -38,16 +42,17 @@ def simulated_budget(content: RunAnalysis) -> list[Part]:
     alone, sobol = simulated["alone"], simulated["sobol"]
     heading = Heading("Linear and Monte Carlo budget")
     if "failed" in alone:
-        return [heading, Sentence(f"The simulations of single sources are not available: {alone['failed']}.")]
+        return [heading, Note(f"The simulations of single sources are not available: {alone['failed']}.")]
     variances = np.diag(content.comparison.covariance_linear)
     active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
-    least = NEGLIGIBLE if len(active) > SHOWN else 0.0
+    least, most = (NEGLIGIBLE, max(SHOWN, MOST_ROWS // len(variances))) if len(active) > SHOWN else (0.0, SHOWN)
     tables, largest = [], _largest_shares(content, sobol)
     for i in np.flatnonzero(variances > 0.0).tolist():
-        order = active[np.argsort(-content.budget.shares[i, active], kind="stable")].tolist()
-        rows = [_Shares(content, i, j, alone, sobol) for j in order if largest[i, j] >= least]
+        ranked = active[np.argsort(-content.budget.shares[i, active], kind="stable")].tolist()
+        kept = sorted(ranked, key=lambda j: largest[i, j], reverse=True)[:most]
+        rows = [_Shares(content, i, j, alone, sobol) for j in ranked if j in kept and largest[i, j] >= least]
         tables.append(Folded(content.output_names[i], [_table(rows)]))
-    return [heading, _explanation(alone, sobol, least), *tables]
+    return [heading, _explanation(alone, sobol, least, most), *tables]
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ class _Shares:
     alone: Mapping[str, Any]
     sobol: Mapping[str, Any]
 
-    @property
+    @cached_property
     def cells(self) -> list[str]:
         """The shares in the order of `HEADINGS`."""
         budget = self.content.budget
@@ -95,7 +100,7 @@ def _table(rows: list[_Shares]) -> Table[_Shares]:
     return Table("", [source, *map(number_of, range(len(HEADINGS)))], rows)
 
 
-def _explanation(alone: Mapping[str, Any], sobol: Mapping[str, Any], least: float) -> Note:
+def _explanation(alone: Mapping[str, Any], sobol: Mapping[str, Any], least: float, most: int) -> Note:
     """Say what the shares are, whether sources interact, and what is left out."""
     parts = [Markup.escape(
         "Variance with each source alone, and with all but that source, in per cent of the output's linear variance. "
@@ -110,7 +115,12 @@ def _explanation(alone: Mapping[str, Any], sobol: Mapping[str, Any], least: floa
     else:
         parts.append(Markup("No source has a significant interaction above 1 % of the variance."))
     if least:
-        parts.append(Markup(f"Sources below {100.0 * least:g} % by every method are left out; summary.json has them."))
+        parts.append(
+            Markup(
+                f"At most {most} sources of an output are shown, and none below {100.0 * least:g} % by every method; "
+                "summary.json has all."
+            )
+        )
     return Note(Markup(" ").join(parts))
 
 

@@ -33,7 +33,7 @@ EXPLANATION: Final = (
 )
 SUM: Final = (
     "The covariance is a sum over all causes, and what a number causes grows with its square. The page has these parts "
-    "over time and adds them up. Nothing here was simulated."
+    "over time and adds them up. Nothing here was simulated, and no flight examines linear analysis of what you change."
 )
 HELD: Final = (
     "The filter's model and gains stay as they are in the campaign. mcnav sweep and mcnav allocate re-tune the filter."
@@ -45,8 +45,8 @@ MEASURED: Final = (
     "It is not simulated: mcnav report --remedies simulates what would help, and mcnav run a file of your own."
 )
 FAILS: Final = (
-    "Linear analysis does not hold in this run. What you change here follows linear analysis, and may miss by more "
-    "than this run does: simulate a change before you rely on it."
+    "Linear analysis does not hold {}. What you change here follows linear analysis, and may miss by more: simulate a "
+    "change before you rely on it."
 )
 
 GATES: Final = (
@@ -65,13 +65,13 @@ STEPS: Final = (
 )
 
 
-def linear_fails(summary: Summary) -> bool:
-    """Return whether a run finds that linear analysis does not hold, in some output or in all together."""
-    return verdicts.tone(summary) in ("differs", "partly")
+def where_nonlinear(summary: Summary) -> str:
+    """Say where linear analysis does not hold, in some output or in all together: in this run; empty where it does."""
+    return "in this run" if verdicts.tone(summary) in ("differs", "partly") else ""
 
 
 def what_if_section(
-    what_if: WhatIf | None, outputs: Sequence[Output | Variable], loop: bool = False, fails: bool = False
+    what_if: WhatIf | None, outputs: Sequence[Output | Variable], loop: bool = False, fails: str = ""
 ) -> Section | None:
     """Return the section; none where there is nothing to change, or too much for a page.
 
@@ -81,15 +81,15 @@ def what_if_section(
         Of the scenario.
     loop : bool
         Whether it is a closed loop.
-    fails : bool
-        Whether a run finds that linear analysis does not hold.
+    fails : str
+        Where linear analysis does not hold, such as ``in this run``; empty where it does.
     """
     if what_if is None:
         return None
     part = WhatIfPart(_json(what_if, outputs))
     if len(part.json) > 2 * LARGEST:
         return None
-    warned = [Note(FAILS)] if fails else []
+    warned = [Note(FAILS.format(fails))] if fails else []
     if what_if.gates:
         warned.append(Note(GATES.format(what_if.gates)))
     return Section("what-if", "What if", [*warned, *_words(what_if, loop), part])

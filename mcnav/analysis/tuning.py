@@ -1,0 +1,101 @@
+"""What a filter is to believe of a box of campaigns so that its covariance bounds the true errors at every setting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mcnav.analysis.box import Box, Setting
+
+
+@dataclass(frozen=True)
+class TunedBelief:
+    """A belief that is proposed: the key below ``[filter.believes]``, its entry, and why.
+
+    Attributes
+    ----------
+    path : str
+        Such as ``processes.drift``.
+    entry : str or mapping
+        As a campaign file has it.
+    factor : float
+        By how much its sigma lies above the upper end of what is true.
+    why : str
+        A clause.
+    """
+
+    path: str
+    entry: str | Mapping[str, str]
+    factor: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Beliefs that were tried.
+
+    Attributes
+    ----------
+    name : str
+    beliefs : tuple of TunedBelief
+    ratio : float
+        Largest true over computed sigma at the settings that were looked at.
+    cost : float
+        What it costs, in the measure of the tuning.
+    """
+
+    name: str
+    beliefs: tuple[TunedBelief, ...]
+    ratio: float
+    cost: float
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A filter for a box.
+
+    Attributes
+    ----------
+    campaign : str
+    measure : str
+        What costs are, in words.
+    before : float
+        Largest true over computed sigma over the box with the filter as it is.
+    chosen : Candidate or None
+        The cheapest whose ratio is at most one at all settings; none where nothing that was tried bounds the errors.
+    candidates : tuple of Candidate
+        All that were tried.
+    box : Box or None
+        The box with the chosen beliefs.
+    known : float
+        Mean over the outputs of the true sigma at the worst setting, over that of a filter that knows this setting.
+    worst : mapping
+        The setting at which the chosen filter is closest to being optimistic.
+    confirmed : str
+        Verdict of samples on the filter there; empty where none was asked for.
+    samples : int
+    """
+
+    campaign: str
+    measure: str
+    before: float
+    chosen: Candidate | None
+    candidates: tuple[Candidate, ...]
+    box: Box | None
+    known: float
+    worst: Setting
+    confirmed: str = ""
+    samples: int = 0
+
+    @property
+    def believes(self) -> Mapping[str, Any]:
+        """The table ``[filter.believes]`` to be pasted."""
+        table: dict[str, Any] = {}
+        for belief in () if self.chosen is None else self.chosen.beliefs:
+            *names, key = belief.path.split(".")
+            inside = table
+            for name in names:
+                inside = inside.setdefault(name, {})
+            inside[key] = belief.entry
+        return table

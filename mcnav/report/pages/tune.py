@@ -1,0 +1,91 @@
+"""Tuning of a filter for a box: verdict, beliefs to paste, and what was tried."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import tomli_w
+
+from mcnav.analysis.tuning import Candidate, TunedBelief, Tuning
+from mcnav.report.document.parts import Page, Part, Sentence, Verdict
+from mcnav.report.document.table import Column, Table
+from mcnav.report.format import rounded
+from mcnav.report.statements.box import setting_words
+
+
+def verdict(tuning: Tuning) -> Verdict:
+    """State whether a filter was found, and what it costs."""
+    before = (
+        f"As it is, the largest true ÷ filter sigma is {rounded(tuning.before)} over the settings that were looked at."
+    )
+    if tuning.chosen is None:
+        words = "No filter that was tried bounds the errors at every setting"
+        return Verdict(words, "differs", [before, "Let the filter model more of the errors: [filter] estimates."])
+    sentences = [
+        before,
+        f"With the beliefs below it is {rounded(tuning.chosen.ratio, 4)}; closest with {setting_words(tuning.worst)}.",
+        f"Errors are there {rounded(tuning.known)} times those of a filter that knows this setting.",
+    ]
+    if tuning.box is not None and not tuning.box.exact:
+        sentences.append(f"The worst of {tuning.box.settings:,} settings; it is no proof.")
+    if tuning.confirmed:
+        sentences.append(f"{tuning.samples:,} samples there: {tuning.confirmed}.")
+    return Verdict("The filter is consistent or pessimistic at every setting that was looked at", "agrees", sentences)
+
+
+def pasted(tuning: Tuning) -> str:
+    """Write the table to be pasted into the campaign file."""
+    return tomli_w.dumps({"filter": {"believes": dict(tuning.believes)}}).strip()
+
+
+def _beliefs(tuning: Tuning) -> Table[TunedBelief]:
+    columns: list[Column[TunedBelief]] = [
+        Column("Belief", lambda row: row.path, "belief", "label"),
+        Column("Sigma times", lambda row: rounded(row.factor), "sigma ×"),
+        Column("Because", lambda row: row.why, "because", "words"),
+    ]
+    rows = [] if tuning.chosen is None else tuning.chosen.beliefs
+    return Table(
+        "Beliefs, and by how much each sigma lies above the upper end of what is true.", columns, rows, "Beliefs"
+    )
+
+
+def _candidates(tuning: Tuning) -> Table[Candidate]:
+    columns: list[Column[Candidate]] = [
+        Column("Filter", lambda row: row.name, "filter", "label"),
+        Column("Largest true ÷ filter sigma", lambda row: rounded(row.ratio, 4), "largest true ÷ filter σ"),
+        Column("Cost", lambda row: rounded(row.cost, 4), "cost"),
+    ]
+    caption = f"Filters that were tried. Cost: {tuning.measure}."
+    return Table(caption, columns, tuning.candidates, "Filters that were tried")
+
+
+def terminal(tuning: Tuning) -> list[Part]:
+    """List what the terminal shows besides the table to paste."""
+    told = verdict(tuning)
+    parts: list[Part] = [Verdict(told.headline, told.tone), *(Sentence(words) for words in told.sentences)]
+    return [*parts, *([_beliefs(tuning)] if tuning.believes else []), _candidates(tuning)]
+
+
+def page(tuning: Tuning) -> Page:
+    """Return the page."""
+    head: list[Part] = [verdict(tuning), *([_beliefs(tuning)] if tuning.believes else []), _candidates(tuning)]
+    return Page(f"{tuning.campaign}: tuning", "Tuning", tuning.campaign, head, [])
+
+
+def table(tuning: Tuning) -> Mapping[str, object]:
+    """Arrange a tuning as ``tune.json`` has it."""
+    return {
+        "campaign": tuning.campaign,
+        "measure": tuning.measure,
+        "before": tuning.before,
+        "ratio": None if tuning.chosen is None else tuning.chosen.ratio,
+        "cost": None if tuning.chosen is None else tuning.chosen.cost,
+        "known": tuning.known,
+        "worst": dict(tuning.worst),
+        "believes": tuning.believes,
+        "candidates": [asdict(candidate) for candidate in tuning.candidates],
+        "confirmed": tuning.confirmed,
+        "samples": tuning.samples,
+    }

@@ -1,0 +1,240 @@
+"""Boxes of campaigns: the worst and the best over ranges against brute grids, and what lincov and run say of them."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.arrays.types import Array
+from mcnav.config.documents import UNNAMED
+from mcnav.config.overrides import override
+from mcnav.config.read import Campaign, campaign_from, parse_campaign
+from mcnav.studies.box import answer_box
+from mcnav.studies.boxed_campaign import BoxedCampaign
+from mcnav.studies.boxed_run import campaign_to_run
+from mcnav.studies.lincov import write_lincov
+from mcnav.studies.linear_answers import answer_linearly
+from tests.commands import invoke
+
+AIDED = tomllib.loads("""
+name = "Two minutes at rest"
+samples = 20
+seed = 1
+tolerance = "20 %"
+
+[scenario]
+type = "ins"
+trajectory = { rate = "1 Hz", start = { latitude = "47 deg", longitude = "9 deg" }, segments = [{ hold = "120 s" }] }
+
+[imu.gyro]
+bias = "1 deg/h"
+bias_instability = { sigma = "1 deg/h", correlation_time = "60 s" }
+angle_random_walk = "0.1 deg/sqrt(h)"
+
+[imu.accelerometer]
+bias = "1 mg"
+velocity_random_walk = "50 ug/sqrt(Hz)"
+
+[errors]
+position = "5 m"
+velocity = "0.1 m/s"
+tilt = "1 mrad"
+heading = "5 mrad"
+
+[[aiding]]
+type = "gnss"
+interval = "10 s"
+outages = [["60 s", "90 s"]]
+position = "3 m"
+velocity = "0.1 m/s"
+
+[filter]
+estimates = ["position", "velocity", "attitude", "gyro_bias", "accelerometer_bias"]
+
+[accept]
+r95 = [{ outputs = ["position_north", "position_east"], below = "20 m", during = "outages" }]
+quantile = [{ output = "heading", probability = 0.95, below = "20 mrad" }]
+""")
+
+SIZES = {
+    "imu.gyro.bias": "0.1..2 deg/h",
+    "imu.gyro.bias_instability.sigma": "0.2..1 deg/h",
+    "imu.gyro.angle_random_walk": "0.05..0.2 deg/sqrt(h)",
+    "imu.accelerometer.bias": "0.2..2 mg",
+    "imu.accelerometer.velocity_random_walk": "20..100 ug/sqrt(Hz)",
+    "errors.position": "1..5 m",
+    "errors.tilt": "0.1..1 mrad",
+    "errors.heading": "1..10 mrad",
+    "aiding.gnss.position": "1..5 m",
+    "aiding.gnss.velocity": "0.05..0.2 m/s",
+}
+
+
+def campaign_with(ranges: Mapping[str, Any]) -> Campaign:
+    return parse_campaign(override(AIDED, ranges), UNNAMED, UNNAMED)
+
+
+def measures(answer: LinearAnswer) -> Array:
+    """Return sigmas, values of requirements, and the largest ratio of the filter."""
+    ratio = 0.0 if answer.filter is None else float(np.nanmax(np.column_stack([answer.filter.ratios])))
+    return np.array([*answer.sigma, *(row.value for row in answer.requirements), ratio])
+
+
+def brute(campaign: Campaign, shares: Mapping[str, tuple[float, ...]]) -> Array:
+    """Answer a grid by the engine, campaign by campaign."""
+    boxed = BoxedCampaign(campaign)
+    points = product(*(shares[spec.path] for spec in boxed.ranges))
+    rows = []
+    for point in points:
+        values = [spec.span.at(share) for spec, share in zip(boxed.ranges, point, strict=True)]
+        rows.append(measures(answer_linearly(boxed.at(boxed.setting(values)))))
+    return np.array(rows)
+
+
+def extremes(campaign: Campaign) -> tuple[Array, Array, Any]:
+    box = answer_box(campaign, answer_linearly(campaign))
+    assert box.filter is not None
+    spreads = [*box.outputs, *box.requirements]
+    worst = np.array([*(spread.worst.value for spread in spreads), box.filter.ratio.worst.value])
+    return worst, np.array([spread.best.value for spread in spreads]), box
+
+
+def test_ten_sizes_take_a_few_linear_answers_and_are_exact() -> None:
+    """Corners of the box, at random, by the engine: none beyond the extremes, which two of them reach to 1e-6."""
+    campaign = campaign_with(SIZES)
+    worst, best, box = extremes(campaign)
+    assert box.exact
+    assert box.systems <= 5
+    assert set(box.held) == set(SIZES)
+    boxed, random = BoxedCampaign(campaign), np.random.default_rng(59)
+    corners = [[0.0] * 10, [1.0] * 10, *random.integers(0, 2, (4, 10)).astype(float).tolist()]
+    rows = np.array([
+        measures(answer_linearly(boxed.at(boxed.setting(
+            [spec.span.at(share) for spec, share in zip(boxed.ranges, corner, strict=True)]
+        ))))
+        for corner in corners
+    ])  # fmt: skip
+    assert rows.max(axis=0)[:-1] == pytest.approx(worst[:-1], rel=1e-6)
+    assert rows.min(axis=0)[:-1] == pytest.approx(best, rel=1e-6)
+    assert rows[:, -1].max() <= worst[-1] * (1.0 + 1e-9)
+    assert [row.path for row in box.narrowed] == sorted(SIZES, key=[row.path for row in box.narrowed].index)
+    assert box.narrowed[0].gain > 0.0
+
+
+def test_what_is_not_monotone_is_never_below_a_grid() -> None:
+    """A correlation time, and the end of an outage, with a size beside them."""
+    for key, written in (
+        ("imu.gyro.bias_instability.correlation_time", "10..1000 s"),
+        ("aiding.gnss.outages.1.2", "70..110 s"),
+    ):
+        ranges = {key: written, "aiding.gnss.position": "1..5 m"}
+        if key.endswith(".2"):
+            ranges = {"aiding.gnss.outages": [["60 s", written]], "aiding.gnss.position": "1..5 m"}
+        campaign = campaign_with(ranges)
+        worst, best, box = extremes(campaign)
+        assert not box.exact
+        grid = {key: tuple(np.linspace(0.0, 1.0, 5)), "aiding.gnss.position": (0.0, 1.0)}
+        rows = brute(campaign, grid)
+        assert (worst >= rows.max(axis=0) * (1.0 - 1e-9)).all()
+        assert (best <= rows.min(axis=0)[:-1] * (1.0 + 1e-9)).all()
+
+
+def test_correlated_sizes_are_searched_without_further_linear_answers() -> None:
+    """With a negative correlation a larger error may make the outputs smaller."""
+    content = override(AIDED, {"errors.position_north": "1..5 m", "errors.velocity_north": "0.01..0.3 m/s"})
+    content["correlations"] = [{"between": ["position_north", "velocity_north"], "coefficient": -0.9}]
+    for key in ("aiding", "filter", "accept"):
+        content.pop(key)
+    campaign = parse_campaign(content, UNNAMED, UNNAMED)
+    box = answer_box(campaign, answer_linearly(campaign))
+    assert (box.exact, box.systems) == (False, 3)
+    boxed = BoxedCampaign(campaign)
+    settings = [
+        boxed.setting([spec.span.at(share) for spec, share in zip(boxed.ranges, point, strict=True)])
+        for point in product(np.linspace(0.0, 1.0, 5), repeat=2)
+    ]
+    rows = np.array([answer_linearly(boxed.at(setting)).sigma for setting in settings])
+    assert (np.array([spread.worst.value for spread in box.outputs]) >= rows.max(axis=0) * (1.0 - 1e-9)).all()
+    assert (np.array([spread.best.value for spread in box.outputs]) <= rows.min(axis=0) * (1.0 + 1e-9)).all()
+
+
+def test_a_box_of_one_point_is_the_campaign_to_the_bit() -> None:
+    plain = answer_linearly(campaign_with({}))
+    campaign = campaign_with({"aiding.gnss.position": "3..3 m", "imu.gyro.bias": "1..1 deg/h"})
+    answer = answer_linearly(campaign)
+    box = answer_box(campaign, answer)
+    assert [spread.worst.value for spread in box.outputs] == plain.sigma.tolist()
+    assert [spread.best.value for spread in box.outputs] == plain.sigma.tolist()
+    assert [spread.worst.value for spread in box.requirements] == [row.value for row in plain.requirements]
+    assert (box.exact, box.settings, box.systems, box.varies) == (True, 1, 1, False)
+
+
+def test_beliefs_that_are_stated_are_kept() -> None:
+    """Others are held at the upper end, so that the filter is the same at all settings."""
+    ranges = {"aiding.gnss.position": "1..5 m", "errors.heading": "1..10 mrad"}
+    content = override(AIDED, ranges)
+    content["filter"] = {**content["filter"], "believes": {"aiding": {"gnss": {"position": "2 m"}}}}
+    boxed = BoxedCampaign(parse_campaign(content, UNNAMED, UNNAMED))
+    assert boxed.held == ("errors.heading",)
+    low = boxed.content(boxed.setting([spec.span.low for spec in boxed.ranges]))
+    assert low["filter"]["believes"]["aiding"] == {"gnss": {"position": "2 m"}}
+    assert low["filter"]["believes"]["errors"] == {"heading": "0.01 rad"}
+    nominal = answer_linearly(boxed.nominal)
+    other = answer_linearly(boxed.at(boxed.setting([spec.span.low for spec in boxed.ranges])))
+    assert nominal.history is not None
+    assert other.history is not None
+    assert nominal.history.sigma_filter == pytest.approx(other.history.sigma_filter, rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    import tomli_w
+
+    path = tmp_path_factory.mktemp("box")
+    ranges = {"aiding.gnss.position": "1..8 m", "imu.gyro.bias_instability.sigma": "0.2..1 deg/h"}
+    (path / "box.toml").write_text(tomli_w.dumps(override(AIDED, ranges)), encoding="utf-8")
+    return path
+
+
+def test_lincov_and_run(folder: Path) -> None:
+    """lincov.json has the keys; the run says first where it simulates, and its campaign has plain values."""
+    answer, _ = write_lincov(campaign_from(folder / "box.toml"), folder / "lincov", examine=False)
+    table = json.loads((folder / "lincov" / "lincov.json").read_text(encoding="utf-8"))
+    assert table["worst"]["sigma"] == table["sigma"]
+    assert table["worst"]["setting"]["heading"] == {
+        "imu.gyro.bias_instability.sigma": "1.0 deg/h", "aiding.gnss.position": "8.0 m",
+    }  # fmt: skip
+    assert table["exact"] is True
+    assert table["settings"] >= 4
+    assert table["best"]["filter"]["verdict"] == "pessimistic"
+    first = table["requirements"][0]
+    assert first["best"] < first["worst"] == first["value"]
+    assert first["setting"] == table["worst"]["setting"]["heading"]
+    page = (folder / "lincov" / "lincov.html").read_text(encoding="utf-8")
+    assert "Over the ranges, R95 of position north, position east is" in page
+    assert "Exact: every value grows with every range" in page
+    done = invoke("run", "box.toml", "--no-report", cwd=folder)
+    assert done.returncode == 0
+    assert done.stderr.startswith("note: the campaign has ranges; it is simulated at the worst setting")
+    stored = tomllib.loads((folder / "reports" / "box" / "campaign.toml").read_text(encoding="utf-8"))
+    assert stored["aiding"][0]["position"] == "8.0 m"
+    assert answer.box is not None
+    refused = invoke("run", "../none.toml", "--at", "nominal", cwd=folder)
+    assert refused.returncode == 2
+
+
+def test_at_nominal_and_without_ranges(folder: Path) -> None:
+    campaign = campaign_from(folder / "box.toml")
+    nominal = campaign_to_run(campaign, "nominal", {})
+    assert (nominal.ranges, nominal.resolved) == ((), campaign.resolved)
+    assert nominal.remarks[0].startswith("the campaign has ranges; it is simulated at the upper ends: ")
+    plain = campaign_with({})
+    assert campaign_to_run(plain, None, {}) is plain
