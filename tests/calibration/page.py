@@ -29,6 +29,7 @@ from tests.calibration.navigation_trials import AIDED, NAVIGATION, SHARE, run_na
 from tests.calibration.noise_trials import NOISE, run_noise_trials
 from tests.calibration.rare_trials import CSV as RARE_CSV
 from tests.calibration.rare_trials import RARE, run_rare_trials
+from tests.calibration.slow_trials import run_slow_trials
 from tests.calibration.table import rates
 from tests.calibration.tail_trials import TAILS, run_tail_trials
 from tests.calibration.trials import run_trials
@@ -161,7 +162,10 @@ OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
             "Quantization, which no grade has, is taken in where it improves −2 log L by four. <em>Drift</em>: a "
             "temperature that rises by 1 °C in an hour, with a tenth of the grade's bias for each °C; <em>line</em>, a "
             "vibration at 0.1 Hz of 5 % of the white noise's sigma in a reading; <em>quantization</em>, steps of twice "
-            "this sigma in the accumulated value; <em>stuck</em>, a hundredth of the readings stand still."
+            "this sigma in the accumulated value; <em>stuck</em>, a hundredth of the readings stand still. "
+            "<em>Flicker, walk, Gauss-Markov</em> and their pairs: 8,192 readings of white noise and these processes. "
+            "Coverage is that of values whose process is certain; where the program says that it cannot tell, it is "
+            "counted as that."
         ),
     ),
     "judge": (
@@ -232,6 +236,7 @@ def write_calibration(folder: Path, trials: int, jobs: int, alone: str = "") -> 
             run_filter_trials(trials, jobs), run_kalman_trials(trials, jobs),
             run_navigation_trials(max(trials // SHARE, 2), jobs),
             run_identification_trials(max(trials // RECORDS_SHARE, 2), jobs),
+            run_slow_trials(trials, jobs),
             run_rare_trials(trials, jobs, folder / RARE_CSV), judged(),
         ):  # fmt: skip
             counted += more

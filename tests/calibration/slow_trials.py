@@ -47,9 +47,6 @@ FALSE: Final = "a process that is not there is certain"
 FIT: Final = "test of fit, of the whole spectrum"
 SECOND: Final = "a second process that moves N or K is found"
 
-SHARE: Final = 3
-"""Records of a case for each campaign of other kinds in `make calibrate`."""
-
 Statement = tuple[str, str, bool]
 
 
@@ -83,7 +80,7 @@ def statements(noise: IdentifiedNoise, true: TrueNoise) -> Iterator[Statement]:
         if name in certain:
             held = estimates[name].low <= getattr(true, name) <= estimates[name].high
             yield name.replace("_", " "), "coverage", held
-    if any(name in estimates for name in SLOW):
+    if len(real) > 1:
         yield CANNOT, "power", not set(estimates) <= certain
     yield FALSE, "power", not certain <= real | {CORRELATION_TIME}
     rejected = (noise.of_all or noise.goodness).rejected

@@ -22,6 +22,7 @@ from tests.calibration.identification_trials import (
     simulate,
     truth,
 )
+from tests.calibration.slow_trials import FALSE, run_slow_trials
 from tests.calibration.static_records import TrueNoise, simulate_record
 from tests.calibration.table import rates
 
@@ -42,6 +43,18 @@ def test_rates_of_the_grades_are_as_stated() -> None:
     assert hits[FIT] <= binom.ppf(1.0 - FALSE_ALARM, made[FIT], 0.05)
     assert hits[ABSENT] <= binom.ppf(1.0 - FALSE_ALARM, made[ABSENT], 0.5 * float(np.exp(-0.5 * PENALTY)))
     assert set(rates(counted)["finding"]) <= {"", "as stated", "safe"}
+
+
+def test_what_is_said_of_slow_processes_is_right() -> None:
+    """One record of each case: coverage as a binomial of 95 % has it, and few certain processes that are not there."""
+    counted, hits, made = run_slow_trials(1, 1), Counter[str](), Counter[str]()
+    for cell, number in counted.made.items():
+        name = cell.kind if cell.kind == "coverage" else cell.statement
+        hits[name] += counted.hits[cell]
+        made[name] += number
+    assert made["coverage"] > 15
+    assert hits["coverage"] >= binom.ppf(FALSE_ALARM, made["coverage"], 0.95)
+    assert hits[FALSE] <= 2
 
 
 @pytest.mark.parametrize("name", DISTURBANCES)
