@@ -128,9 +128,11 @@ class IdentifiedNoise:
         if self.part:
             words.append(f"fitted below {self.below:.3g} Hz")
         if self.half_power is not None:
-            words.append(f"the readings are low-passed, with half of the power at {self.half_power:.2g} Hz")
-        if self.of_all is not None and (self.half_power is None or self.of_all.worst.name == "line"):
+            words.append(f"low-passed, with half of the power at {self.half_power:.2g} Hz")
+        if self.of_all is not None and self.half_power is None:
             words.append(f"no model fits the whole spectrum: {self.of_all.worst}")
+        elif self.of_all is not None and self.of_all.worst.name == "line":
+            words.append(str(self.of_all.worst))
         return "; ".join(words)
 
 

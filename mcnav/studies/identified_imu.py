@@ -64,8 +64,8 @@ def _doubts(axes: Sequence[AxisReport]) -> Iterator[str]:
         if axis.stand_in is not None:
             least, most = duration_words(axis.stand_in.shortest), duration_words(axis.stand_in.longest)
             yield (
-                f"{axis.axis}: bias_instability and rate_random_walk stand for flicker noise; the Allan deviation is "
-                f"within {100.0 * axis.stand_in.error:.2g} % of the model's from {least} to {most}"
+                f"{axis.axis}: bias_instability and rate_random_walk stand for flicker noise, with "
+                f"{100.0 * axis.stand_in.error:.2g} % of error in Allan deviation from {least} to {most}"
             )
         if axis.fitted.rivals:
             yield f"{axis.axis}: the logs cannot tell {' or '.join(axis.fitted.ambiguities)}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import Any, Final
 
 from mcnav.report.document.parts import Answers, Folded, Heading, Part
@@ -57,7 +58,7 @@ def with_folded_parts(parts: Sequence[Part]) -> list[Part]:
     """Fold tables of many rows, and secondary figures under their titles; a heading of one of them is its title."""
     kept: list[Part] = []
     pieces = [_folded(part) for part in parts]
-    for part, piece, following in zip(parts, pieces, [*pieces[1:], Heading("")], strict=True):
+    for part, piece, following in zip_longest(parts, pieces, pieces[1:], fillvalue=Heading("")):
         heading = kept[-1] if kept else None
         if piece is not part and isinstance(heading, Heading) and isinstance(following, (Heading, Folded)):
             kept[-1] = replace(piece, summary=heading.text) if isinstance(piece, Folded) else piece
