@@ -142,8 +142,8 @@ class CheckFlights:
         Linear outcomes of the errors, about those of the mean errors.
     departures : ndarray, shape (n, outputs)
         Without noise.
-    noise : tuple of two ndarrays, shape (n, outputs), or None
-        Linear outcomes of the noise alone, and what it adds to the departures.
+    noise : tuple of two ndarrays, shape (k, n, outputs), or None
+        Linear outcomes of the noise alone, and what it adds to the departures; k times for each errors.
     """
 
     normals: Array
@@ -215,16 +215,23 @@ def examine(
     missed = squares.of(flights.linear, flights.departures) - squares.of(flights.linear, departure.at(flights.normals))
     added = _Bounded.of_pairs(missed) + _expected(squares, departure, drawn)
     if flights.noise is not None:
-        noise, by_noise = flights.noise
-        added += _Bounded.of_pairs(squares.of_noise(flights.linear + noise, flights.departures, by_noise))
+        by_noise = [
+            squares.of_noise(flights.linear + linearly, flights.departures, more)
+            for linearly, more in zip(*flights.noise, strict=True)
+        ]
+        added += _Bounded.of_pairs(np.mean(by_noise, axis=0))
     constant = transform(departure.axes.slopes, np.eye(departure.axes.rank))
-    outputs = tuple(
+    outputs = [
         _judge_sigma(
             float(linear[i, i]), float(added.value[i]), float(added.half[i]), float(model.floor[i]) ** 2,
             1.0 - float(constant[i, i]) / float(linear[i, i]) if linear[i, i] > 0.0 else 0.0, tolerance,
         )
         for i in range(len(linear))
-    )  # fmt: skip
+    ]  # fmt: skip
+    for size, members in model.sizes.items():
+        if linear[size, size] <= 0.0:  # linear analysis knows the law of the size by those of its members
+            verdict = combine([outputs[member].verdict for member in members])
+            outputs[size] = replace(outputs[size], verdict=verdict)
     joint = None
     if given.rank:
         known = _judge(float(given.rank), float(added.value[-1]), float(added.half[-1]), 0.0, tolerance)
@@ -232,15 +239,13 @@ def examine(
         ratio, low, high = _ratios(float(given.rank), float(added.value[-1]), float(added.half[-1]))
         mean_error = float(np.linalg.norm(departure.mean @ given.matrix))
         joint = ExaminedMatrix(ratio, low, high, mean_error, combine([known, *fixed]))
-    return Examination(simulated, 0, tolerance, outputs, joint, _mean_departure(departure, flights))
+    return Examination(simulated, 0, tolerance, tuple(outputs), joint, _mean_departure(departure, flights))
 
 
 def _mean_departure(departure: DepartureModel, flights: CheckFlights) -> tuple[Array, Array]:
     """Return the mean departure with the half width of its bounds, of normal errors: the polynomial's is known."""
     missed = flights.departures - departure.at(flights.normals)
-    if flights.noise is not None:
-        missed = missed + flights.noise[1].reshape(-1, *missed.shape).mean(axis=0)
-    mean = _Bounded.of_pairs(missed)
+    mean = _Bounded.of_pairs(missed if flights.noise is None else missed + flights.noise[1].mean(axis=0))
     return departure.mean + mean.value, mean.half
 
 
@@ -307,7 +312,7 @@ def _judge_fixed(model: Model, flights: CheckFlights, tolerance: float) -> list[
     fixed = fixed_combinations(
         model.partials, model.covariance, list(model.processes.values()), sigma, model.whitened.rank, model.floor
     )
-    departures = flights.departures if flights.noise is None else flights.departures + flights.noise[1]
+    departures = flights.departures if flights.noise is None else flights.departures + flights.noise[1][0]
     return [_judge_combination(combination, sigma, departures, tolerance) for combination in fixed]
 
 

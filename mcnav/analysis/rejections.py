@@ -10,7 +10,7 @@ alone, and where no sensor with a gate is accepted from k on. In both the reject
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -27,6 +27,10 @@ NEGLIGIBLE: Final = 1e-6
 
 SAME: Final = 1e-6
 """Share by which one rejection and never another acceptance differ where nothing is accepted after a rejection."""
+
+
+BOUND: Final = 2.326
+"""Standard errors of bounds by flights: one is passed with a probability of 1 %."""
 
 
 class OnLinear(StrEnum):
@@ -58,6 +62,25 @@ class FirstRejection:
 
 
 @dataclass(frozen=True)
+class FlownRejections:
+    """Errors at the end by flights that begin with a first rejection, of all flights with and without any; SI.
+
+    Attributes
+    ----------
+    flights : int
+    rms, error : ndarray, shape (outputs,)
+        Root mean squares and their standard errors.
+    ratio_error : float
+        Standard error of `RejectionAnswer.ratio`.
+    """
+
+    flights: int
+    rms: Array
+    error: Array
+    ratio_error: float
+
+
+@dataclass(frozen=True)
 class RejectionAnswer:
     """Verdict of linear analysis on rejections of good measurements; SI.
 
@@ -84,6 +107,8 @@ class RejectionAnswer:
         Nothing is accepted after a first rejection that would matter: both rms are those of flights.
     consistent : bool
         Whether a filter that is consistent without gates is so with them.
+    by_flights : FlownRejections or None
+        What flights that begin with a rejection say; none where they were not simulated.
     """
 
     verdict: OnLinear
@@ -99,6 +124,7 @@ class RejectionAnswer:
     time: float = 0.0
     exact: bool = False
     consistent: bool = False
+    by_flights: FlownRejections | None = None
 
     @property
     def largest_next(self) -> float | None:
@@ -148,6 +174,39 @@ def judge_rejections(laws: RejectionLaws, outputs: Sequence[Output], tolerance: 
         time=laws.readings[reading].time,
         exact=exact,
         consistent=holds or (exact and nees <= (1.0 + tolerance) ** 2),
+    )
+
+
+def judge_by_flights(
+    answer: RejectionAnswer, laws: RejectionLaws, outputs: Sequence[Output], tolerance: float, count: int
+) -> RejectionAnswer:
+    """Judge by flights that begin with a first rejection what the laws leave open; else return the answer.
+
+    Linear analysis holds, or fails, where the bounds of every ratio say so, or those of one.
+    """
+    if laws.fly is None or answer.verdict != OnLinear.REFUSED:
+        return answer
+    excess, error = laws.fly(count)
+    units = [output.unit for output in outputs]
+    variances = np.array([reading.variances for reading in laws.readings])
+    rms = _roots(variances + excess)
+    errors = np.divide(error, 2.0 * rms, out=np.zeros_like(rms), where=rms > 0.0)
+    ratios, most, least = (
+        _ratios(_roots(variances + excess + bound * error), _roots(variances), units) for bound in (0.0, BOUND, -BOUND)
+    )
+    holds, fails = bool(most.max() <= 1.0 + tolerance), bool(least.max() > 1.0 + tolerance)
+    reading, output = np.unravel_index(np.argmax(ratios), ratios.shape)
+    flown = FlownRejections(
+        count, rms[-1], errors[-1], float(errors[reading, output] * ratios[reading, output] / rms[reading, output])
+    )
+    return replace(
+        answer,
+        verdict=OnLinear.HOLDS if holds else OnLinear.FAILS if fails else OnLinear.REFUSED,
+        output=int(output),
+        ratio=float(ratios[reading, output]),
+        time=laws.readings[reading].time,
+        consistent=answer.consistent or holds,
+        by_flights=flown,
     )
 
 

@@ -48,6 +48,13 @@ def lincov(
         bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
     ] = False,
     examine: Examine = None,
+    gates: Annotated[
+        bool | None,
+        typer.Option(
+            "--gates/--no-gates",
+            help="Simulate flights that begin with a rejection by a gate [default: where rejections are rare].",
+        ),
+    ] = None,
     form: FormatOption = "table",
 ) -> None:
     """Compute the linear covariance, and examine where it holds.
@@ -74,7 +81,7 @@ def lincov(
 
     times = None if at is None else read_times(at)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_lincov")
-    result, files = write_lincov(read_campaign(campaign), target, times, remedies, examine=examine)
+    result, files = write_lincov(read_campaign(campaign), target, times, remedies, examine=examine, gates=gates)
     if form != "table":
         tables = exported(result)
         print_rows(form, tables["sigmas"], tables)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -175,6 +176,9 @@ class RejectionLaws:
         and zero beyond the measurement's own components.
     readings : tuple of RejectionReading
         The end last.
+    fly : callable, optional
+        From a number of flights that begin with a first rejection to what rejections add to the mean squares of the
+        outputs at the readings, and the standard error of that, shapes (r, s).
     """
 
     doubt: str
@@ -185,3 +189,4 @@ class RejectionLaws:
     sizes: IndexArray
     correlations: Array
     readings: tuple[RejectionReading, ...]
+    fly: Callable[[int], tuple[Array, Array]] | None = None

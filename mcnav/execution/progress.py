@@ -83,6 +83,18 @@ class Compilation:
             self.refused = False
 
 
+TOGETHER: Final = 2.0
+"""Time of some hundred simulations in one call over that of one, of classes among the examples at most."""
+
+
+class TooLong(Exception):
+    """Raised in place of simulations that would take more than they may: ``seconds``."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(seconds)
+        self.seconds = seconds
+
+
 class NotCompiled(Exception):
     """Raised where a function would have to be compiled and is not to be."""
 

@@ -157,7 +157,9 @@ def requirements_frame(answer: LinearAnswer, rows: Sequence[LinearRequirement]) 
     return pd.DataFrame(table).dropna(axis="columns", how="all") if rows else pd.DataFrame(table)
 
 
-def lincov(campaign: Description, at: str | Sequence[float] = (), examine: bool | None = None) -> LinearResult:
+def lincov(
+    campaign: Description, at: str | Sequence[float] = (), examine: bool | None = None, gates: bool | None = None
+) -> LinearResult:
     """Compute the linear covariance of a campaign, without samples.
 
     Parameters
@@ -167,6 +169,9 @@ def lincov(campaign: Description, at: str | Sequence[float] = (), examine: bool 
         Further times in the trajectory's time, such as ``"600 s, 25 min"``, or in seconds.
     examine : bool, optional
         Whether simulations examine where linear analysis holds; by default where that is quick.
+    gates : bool, optional
+        Whether flights that begin with a rejection answer what the laws of gates leave open; by default where
+        rejections are rare.
 
     Raises
     ------
@@ -181,4 +186,4 @@ def lincov(campaign: Description, at: str | Sequence[float] = (), examine: bool 
     (np.float64(6.631), 'km')
     """
     times: Any = read_times(at) if isinstance(at, str) else pd.Series(list(at), dtype=float).to_numpy()
-    return LinearResult(linear_covariance(campaign, times if len(times) else None, examine))
+    return LinearResult(linear_covariance(campaign, times if len(times) else None, examine, gates))

@@ -15,14 +15,16 @@ from mcnav.analysis.examination import CheckFlights, Examination, Linearity, exa
 from mcnav.analysis.model import Model
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, without_noise
+from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import runs_user_code
-from mcnav.execution.progress import COMPILATION, NotCompiled, duration
+from mcnav.execution.progress import COMPILATION, TOGETHER, NotCompiled, TooLong, duration
 from mcnav.linear.departure_model import DepartureModel, RotatedAxes
 from mcnav.linear.higher_order import second_order
 from mcnav.linear.partials import QUICK, SimulationFailed
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.studies.curved_tails import MOST_SIMULATIONS
+from mcnav.systems.user.scenario import is_users
 
 SEED: Final = 1_965
 """Seed of the check simulations: none of a campaign's samples is among them."""
@@ -30,21 +32,19 @@ SEED: Final = 1_965
 
 @dataclass(frozen=True)
 class Effort:
-    """Leading axes whose pairs are simulated, and pairs of check simulations."""
+    """Leading axes whose pairs are simulated, pairs of check simulations, and how often each has noise."""
 
     leading: int
     pairs: int
+    noises: int
 
 
-FIRST: Final = Effort(3, 16)
-SECOND: Final = Effort(8, 64)
+FIRST: Final = Effort(3, 16, 1)
+SECOND: Final = Effort(8, 64, 4)
 """Effort where the first one cannot say, and the engine is quick."""
 
 CORRECTING: Final = replace(SECOND, pairs=256)
 """Effort where the uncertainty of a corrected sigma, which is needed, is too large."""
-
-ONE_TO_ALL: Final = 2.0
-"""Time of a hundred simulations side by side over that of one, of the loops among the examples at most."""
 
 STEP: Final = 0.2
 """Step of the differences of corrected moments, in sigmas: they are expansions about the mean errors."""
@@ -66,32 +66,46 @@ def examine_campaign(campaign: Campaign, model: Model, seconds: float = math.inf
     ----------
     seconds : float, optional
         Seconds that it may take; without a limit code is compiled where that is needed, else not. A class of the user's
-        is asked for one simulation before.
+        is asked for one simulation before, unless an earlier command has kept them all.
     """
     with nullcontext() if math.isinf(seconds) else COMPILATION.refusing():
         try:
             return _examine_within(seconds, campaign, model)
         except NotCompiled:
             return "the simulator has not been compiled on this machine yet"
+        except TooLong as long:
+            return f"it would take about {duration(long.seconds)}"
 
 
-def _examine_within(seconds: float, campaign: Campaign, model: Model) -> Examination | str:
-    from mcnav.runner.draws import DrawPlan  # with a run's files, which other answers do not need
-    from mcnav.runner.soundness import exact_engine
-
-    scenario, errors = campaign.scenario, campaign.errors
-    draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
-    engine = exact_engine(scenario, draws.probes(), campaign.sample_timeout)
-    if runs_user_code(scenario) and math.isfinite(seconds):
-        began = time.perf_counter()
-        without_noise(engine)(errors.mean[None])
-        expected = ONE_TO_ALL * (2.0 if engine.noisy else 1.0) * (time.perf_counter() - began)
-        if expected > seconds:
-            return f"it would take about {duration(expected)}"
+def _examine_within(seconds: float, campaign: Campaign, model: Model) -> Examination:
+    errors = campaign.errors
+    engine = _engine_of(campaign, seconds)
     examined = examine_model(model, errors, engine, campaign.tolerance)
     if examined.failed or engine.chunk < QUICK:
         return examined
     return replace(examined, corrected=_corrected(errors, model, engine, examined))
+
+
+def _engine_of(campaign: Campaign, seconds: float) -> Engine:
+    """Prepare the engine that simulates; `TooLong` where a loop of the user's would take more than it may."""
+    from mcnav.runner.draws import DrawPlan  # with a run's files, which other answers do not need
+    from mcnav.runner.soundness import exact_engine
+
+    scenario, errors = campaign.scenario, campaign.errors
+    probes = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples).probes()
+    if is_users(scenario):
+        return scenario.keeping(exact_engine(scenario, probes, campaign.sample_timeout), seconds)
+    if not runs_user_code(scenario) or campaign.sample_timeout is not None:
+        return exact_engine(scenario, probes, campaign.sample_timeout)
+    # a loop, whose remarks are of samples that were simulated in this process: another would cost a second
+    engine = ready_engine(scenario, scenario.engines[0], probes)
+    if math.isfinite(seconds):
+        began = time.perf_counter()
+        without_noise(engine)(errors.mean[None])
+        expected = TOGETHER * (2.0 if engine.noisy else 1.0) * (time.perf_counter() - began)
+        if expected > seconds:
+            raise TooLong(expected)
+    return engine
 
 
 def examine_model(model: Model, errors: ErrorModel, engine: Engine, tolerance: float) -> Examination:
@@ -132,8 +146,11 @@ def _examine_by(effort: Effort, model: Model, errors: ErrorModel, engine: Engine
     checks = errors.draw("antithetic", SEED, 2 * effort.pairs, 0, 2 * effort.pairs)
     fitted = axes.errors_at(axes.nodes)
     steady = without_noise(engine)(np.vstack([fitted, checks]))
-    noisy = engine.simulate(Batch(np.arange(len(checks)), checks, SEED)) if engine.noisy else None
-    simulated = len(fitted) + len(checks) * (2 if engine.noisy else 1)
+    count, again = len(checks), effort.noises * len(checks)
+    noisy = (
+        engine.simulate(Batch(np.arange(again), np.tile(checks, (effort.noises, 1)), SEED)) if engine.noisy else None
+    )
+    simulated = len(fitted) + count + (again if engine.noisy else 0)
     failed = len(steady.failures) + (0 if noisy is None else len(noisy.failures))
     if failed:
         return refuse(simulated, failed, tolerance, len(sigma))
@@ -142,8 +159,8 @@ def _examine_by(effort: Effort, model: Model, errors: ErrorModel, engine: Engine
     departures = at_checks - linear
     noise = None
     if noisy is not None and noisy.linear_values is not None:
-        by_noise = noisy.linear_values - model.outcome_mean - linear
-        noise = by_noise, noisy.values - noisy.linear_values - departures
+        values, by_linear = (table.reshape(-1, *linear.shape) for table in (noisy.values, noisy.linear_values))
+        noise = by_linear - model.outcome_mean - linear, values - by_linear - departures
     departure = DepartureModel.fit(axes, at_nodes - axes.nodes @ axes.slopes.T)
     flights = CheckFlights(axes.normals_of(checks), linear, departures, noise)
     drawn = None if errors.normal else axes.normals_of(errors.draw("random", SEED, DRAWN, 0, DRAWN))

@@ -43,12 +43,13 @@ def write_lincov(
     times: Array | None = None,
     all_remedies: bool = False,
     examine: bool | None = None,
+    gates: bool | None = None,
 ) -> tuple[LinearAnswer, list[Path]]:
     """Write the linear covariance of a campaign as ``lincov.json`` and a page; see `linear_covariance`.
 
     ``all_remedies``: whether all that would help is computed where something fails, and not the first alone.
     """
-    covariance, remedies = linear_covariance(campaign, times, examine), None
+    covariance, remedies = linear_covariance(campaign, times, examine, gates), None
     if covariance.fails:
         from mcnav.studies.remedies import remedies_of_answer  # half a second, which answers that hold do without
 

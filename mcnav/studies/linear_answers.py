@@ -40,7 +40,9 @@ from mcnav.systems.user.scenario import is_users
 from mcnav.workflow.rejections import rejections_of
 
 
-def linear_covariance(campaign: Description, times: Array | None = None, examine: bool | None = False) -> LinearAnswer:
+def linear_covariance(
+    campaign: Description, times: Array | None = None, examine: bool | None = False, gates: bool | None = False
+) -> LinearAnswer:
     """Compute the linear covariance of a campaign and judge its requirements for normal errors.
 
     Parameters
@@ -52,6 +54,9 @@ def linear_covariance(campaign: Description, times: Array | None = None, examine
     examine : bool, optional
         Whether simulations examine where linear analysis holds (`mcnav.analysis.examination`); with none, where that
         costs less than the answer and the simulator is compiled already.
+    gates : bool, optional
+        Whether flights that begin with a rejection answer what the laws of gates leave open; with none, where
+        rejections are rare.
 
     Raises
     ------
@@ -67,18 +72,18 @@ def linear_covariance(campaign: Description, times: Array | None = None, examine
     """
     began = perf_counter()
     described = campaign_from(campaign)
-    answer = answer_linearly(described, times)
+    answer = answer_linearly(described, times, gates=gates)
     with one_thread(), scenario_errors(described.file):
         answer = replace(answer, requirements=with_curvature(answer, described))
         remarks = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
-        gates = _gates(described)
+        stopped = _gates(described)
         if examine is not False and answer.beyond is None:
             answer = _examined(answer, described, math.inf if examine else perf_counter() - began)
         if described.ranges:
             from mcnav.studies.box import answer_box  # which asks for linear answers of this module
 
             answer = replace(answer, box=answer_box(described, answer))
-    return replace(answer, remarks=remarks, gates=gates, card=partial(card, outages=outages_of(described)))
+    return replace(answer, remarks=remarks, gates=stopped, card=partial(card, outages=outages_of(described)))
 
 
 def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> LinearAnswer:
@@ -109,7 +114,9 @@ def outages_of(campaign: Campaign) -> Mapping[str, Sequence[tuple[float, float]]
     return {sensor.name: sensor.outages for sensor in campaign.scenario.navigation.sensors}
 
 
-def answer_linearly(described: Campaign, times: Array | None = None, by_cause: bool = True) -> LinearAnswer:
+def answer_linearly(
+    described: Campaign, times: Array | None = None, by_cause: bool = True, gates: bool | None = False
+) -> LinearAnswer:
     """Compute what `linear_covariance` does, without what the scenario notices of itself.
 
     ``by_cause``: whether each process is known by itself, and not all together.
@@ -151,7 +158,7 @@ def answer_linearly(described: Campaign, times: Array | None = None, by_cause: b
         epochs = None if history is None else history.moments.times
         known = [each for each in (history, asked) if each is not None]
         asked_epochs = sorted({epoch for record in described.requirements for epoch in record.epochs or ()})
-        laws, rejections = rejections_of(scenario, described.errors, described.tolerance, asked_epochs)
+        laws, rejections = rejections_of(scenario, described.errors, described.tolerance, asked_epochs, gates)
         filtered = judge_filter_of(answer, known, scenario, described.tolerance)
         smoother = None if smoothed is None else judge_filter_of(answer, [smoothed], scenario, described.tolerance)
         return replace(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,7 @@ from mcnav.contract.timeline import Timeline
 from mcnav.linear.engine.design import Design, filter_of
 from mcnav.linear.engine.innovations import InnovationLaw, innovation_laws, measurement_errors, positions_of, states_at
 from mcnav.linear.engine.propagate import Propagated, readout_maps
+from mcnav.linear.engine.rejected_flights import GateOdds, fly_rejections
 from mcnav.linear.engine.rejections import WhitenedFilter, next_correlations, rejected_errors
 from mcnav.linear.engine.transitions import bounds
 from mcnav.systems.faults import Fault, fault_errors, gate_limit
@@ -238,7 +239,9 @@ def rejection_laws(gated: GatedFilter, times: Array, positions: IndexArray) -> R
         for r, (time, of_reading) in enumerate(zip(times.tolist(), variances, strict=True))
         for so_far in [updates[updates < gated.timeline.updates_before[positions[r]]]]
     ]  # fmt: skip
-    return replace(laws, correlations=_next(gated, whitened, updates), readings=tuple(readings))
+    odds = GateOdds(rejected[of_sensors], limits[of_sensors], gated.timeline.updates.sizes)
+    fly = partial(fly_rejections, whitened, odds, positions)
+    return replace(laws, correlations=_next(gated, whitened, updates), readings=tuple(readings), fly=fly)
 
 
 def _next(gated: GatedFilter, whitened: WhitenedFilter, updates: IndexArray) -> Array:

@@ -118,7 +118,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
     scenario, errors, timeout = campaign.scenario, campaign.errors, campaign.sample_timeout
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
     with scenario_errors(campaign.file):
-        gates = doubt_about_gates(scenario, errors, campaign.tolerance)
+        gates = doubt_about_gates(scenario, errors, campaign.tolerance, fly=None)
         engine = ready_engine(scenario, exact_name(scenario, engine_name), draws.probes())
         exact = isolated(scenario, engine, timeout)
         doubt = find_doubt(scenario, exact, errors, campaign.tolerance)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.rejections import OnLinear, RejectionAnswer, judge_rejections
+from mcnav.analysis.rejections import OnLinear, RejectionAnswer, judge_by_flights, judge_rejections
 from mcnav.arrays.types import IndexArray
 from mcnav.contract.gates import RejectionLaws
 from mcnav.contract.scenario import Scenario, has_gates
@@ -18,8 +18,15 @@ READINGS: Final = 5
 """Epochs at which rejections of good measurements are looked at, and as many of those of requirements."""
 
 
+FLIGHTS: Final = 4_000
+"""Flights that begin with a rejection where they are asked for."""
+
+FEW_FLIGHTS: Final = 1_000
+"""Where they are not, and a flight has a rejection at most on average: samples seldom see what follows one."""
+
+
 def rejections_of(
-    scenario: Scenario, errors: ErrorModel, tolerance: float, epochs: Sequence[int] = ()
+    scenario: Scenario, errors: ErrorModel, tolerance: float, epochs: Sequence[int] = (), fly: bool | None = False
 ) -> tuple[RejectionLaws | None, RejectionAnswer | None]:
     """Judge what good measurements that gates reject do, at the end and at epochs; none without a gate.
 
@@ -29,23 +36,30 @@ def rejections_of(
         Of the ratio of an rms to that of linear analysis.
     epochs : sequence of int
         Of requirements, rising.
+    fly : bool, optional
+        Whether flights that begin with a rejection answer what laws leave open; with none, where rejections are rare.
     """
     if not has_gates(scenario):
         return None, None
     times = scenario.reading_times
     chosen = np.unique(np.concatenate([_some(range(len(times))), _some(epochs)]))
     laws = scenario.rejection_laws(errors.mean, errors.covariance, times[chosen])
-    return laws, None if laws is None else judge_rejections(laws, scenario.outputs, tolerance)
+    if laws is None:
+        return None, None
+    answer = judge_rejections(laws, scenario.outputs, tolerance)
+    rare = answer.expected_least is not None and answer.expected_least <= 1.0
+    count = FLIGHTS if fly else FEW_FLIGHTS if fly is None and rare else 0
+    return laws, judge_by_flights(answer, laws, scenario.outputs, tolerance, count) if count else answer
 
 
 def doubt_about_gates(
-    scenario: Scenario, errors: ErrorModel, tolerance: float, epochs: Sequence[int] = ()
+    scenario: Scenario, errors: ErrorModel, tolerance: float, epochs: Sequence[int] = (), fly: bool | None = False
 ) -> str | None:
     """Say what rejections of good measurements do where linear analysis does not hold for them.
 
     Arguments are those of `rejections_of`. Empty where it holds, none without a gate.
     """
-    _, rejections = rejections_of(scenario, errors, tolerance, epochs)
+    _, rejections = rejections_of(scenario, errors, tolerance, epochs, fly)
     if rejections is None:
         return None
     if rejections.verdict == OnLinear.HOLDS:

@@ -309,26 +309,30 @@ def count(rows: Sequence[Row]) -> Tally:
     return result
 
 
-def print_rates(rows: Sequence[Row]) -> None:
-    """Print how often each is named, and its interval holds."""
-    print("| wrong | records | alarms | named first | or with others | interval holds | nothing left | others |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+def rate_lines(rows: Sequence[Row]) -> list[str]:
+    """Return a table: how often each wrong thing is named, its interval holds, and pasting it leaves nothing."""
+    lines = [
+        "| wrong | records | alarms | named first | or with others | interval holds | pasted: nothing left |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for wrong in (*FILE_FAULTS, *WRONG):
         own = [row for row in rows if row.wrong == wrong]
         if wrong in FILE_FAULTS:
             named = sum(row.fault for row in own)
-            print(f"| {wrong} | {len(own)} | | {named} | {named} | | | |")
+            lines.append(f"| {wrong} | {len(own)} | | {named} | {named} | | |")
             continue
-        first = [row for row in own if row.named and row.named == WRONG[wrong][1]]
+        alarms = sum(row.probability <= LEVEL for row in own)
+        if wrong == NOTHING:
+            lines.append(f"| {wrong} | {len(own)} | {alarms} | | | | |")
+            continue
         right = [row for row in own if row.right]
-        others = sorted({row.named for row in own} - {WRONG[wrong][1], ""})
-        print(
-            f"| {wrong} | {len(own)} | {sum(row.probability <= LEVEL for row in own)} | {len(first)} | "
-            f"{len(right)} | {sum(row.holds for row in right)} of {len(right)} | "
-            f"{sum(row.left > LEVEL for row in right)} of {len(right)} | {', '.join(others)} |"
-        )
+        first = sum(row.named == WRONG[wrong][1] for row in own)
+        held, quiet = sum(row.holds for row in right), sum(row.left > LEVEL for row in right)
+        counts = f"{alarms} | {first} | {len(right)} | {held} of {len(right)} | {quiet} of {len(right)}"
+        lines.append(f"| {wrong} | {len(own)} | {counts} |")
+    return lines
 
 
 if __name__ == "__main__":
     limit = float((sys.argv[3:4] or ["inf"])[0])
-    print_rates(measure(Path(sys.argv[1]), int(sys.argv[2]), limit, (sys.argv[4:5] or [""])[0]))
+    print(*rate_lines(measure(Path(sys.argv[1]), int(sys.argv[2]), limit, (sys.argv[4:5] or [""])[0])), sep="\n")

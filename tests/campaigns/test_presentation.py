@@ -158,6 +158,16 @@ def test_no_text_of_a_table_is_taller_than_the_limit() -> None:
         assert len(lines) <= 1 + TALLEST or any("causes: " in line for line in lines)
 
 
+def test_each_cause_has_a_line() -> None:
+    """Where a list of shares does not fit beside the others; in a pipe it stays on one line."""
+    table = FittedTable("", [Column("output", text=True), Column("sigma"), Column("causes", text=True)])
+    causes = "gyro angle random walk y 27.1 %, gnss position noise east 11 %"
+    table.add("position north", "0.44", causes)
+    assert causes in printed(table, 30, pipe=True)
+    lines = printed(table, 60).splitlines()
+    assert [line[line.index("g", 20) :].strip() for line in lines[1:]] == causes.replace(" %, ", " %\n").split("\n")
+
+
 @pytest.mark.parametrize("command", ["run", "compare", "two", "partials"])
 def test_machine_readable(nine: Path, command: str) -> None:
     """CSV and JSON stand alone on stdout, hold the same rows in full precision, and use the keys of campaign files."""

@@ -194,3 +194,16 @@ def test_a_loop_whose_numbers_are_in_its_class(tmp_path: Path) -> None:
     remedies = known(analyse(RunFolder(tmp_path / "run")))
     assert remedies.listed
     assert not remedies.left
+
+
+def test_processes_together_have_the_sigmas_of_each_by_itself() -> None:
+    """To 1e-12: sums of some thirty variances in another order differ by rounding."""
+    file = ROOT / "campaigns" / "20_flight_with_neglected_errors.toml"
+    alone, together = answer_linearly(read_campaign(file)), answer_linearly(read_campaign(file), by_cause=False)
+    assert alone.history is not None
+    assert together.history is not None
+    assert alone.filter is not None
+    assert together.filter is not None
+    assert np.allclose(together.history.sigma, alone.history.sigma, rtol=1e-12, atol=0.0)
+    assert together.filter.verdict == alone.filter.verdict
+    assert together.filter.factor == pytest.approx(alone.filter.factor, rel=1e-12)

@@ -17,7 +17,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.filter_evidence import filter_evidence
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_run import read_run
-from tests.calibration import page
+from tests.calibration import named_trials, page
 from tests.calibration.cells import Cell, Tally
 from tests.calibration.filter_trials import (
     CANCELLING,
@@ -145,6 +145,19 @@ def test_rates_of_rare_events(tmp_path: Path) -> None:
     text = page.render(measured, 3)
     assert text.count("<section id=") == 3
     assert "Rare events: coverage of intervals" in text
+
+
+def test_rates_of_judged_records_are_those_of_the_file(tmp_path: Path) -> None:
+    """The page's table counts the rows of the experiment, whose rates are as stated at 99.9 %; a row is made again."""
+    rows = named_trials.read_rows(ROOT / "reports" / "calibration" / named_trials.CSV)
+    text = (ROOT / "mcnav" / "docs" / "howto" / "JUDGE.md").read_text(encoding="utf-8")
+    assert all(line in text for line in named_trials.rate_lines(rows))
+    table = rates(named_trials.count(rows))
+    assert set(table["finding"]) <= {"as stated", "safe", ""}
+    (again,) = named_trials.measure(tmp_path / "rows.csv", 1, words="leap")
+    assert again.fault
+    for known in (rows, named_trials.read_rows(tmp_path / "rows.csv")):
+        assert (again.wrong, again.seed, again.fault) in {(row.wrong, row.seed, row.fault) for row in known}
 
 
 @pytest.mark.parametrize("name", NOISY_SYSTEMS)

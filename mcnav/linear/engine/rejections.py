@@ -123,7 +123,7 @@ def rejected_errors(whitened: WhitenedFilter, positions: IndexArray, later: NDAr
     timeline, gains = whitened.timeline, whitened.gains
     number, size, most = gains.shape
     check_positions(timeline, positions)
-    to_outputs = [_outputs_after_updates(timeline, position) for position in positions.tolist()]
+    to_outputs = [outputs_after_updates(timeline, position) for position in positions.tolist()]
     outputs = len(readout_maps(timeline)(0))
     excess = np.zeros((len(positions), number, outputs))
     responses = np.zeros((len(positions), number, outputs, most))
@@ -155,7 +155,7 @@ def rejected_errors(whitened: WhitenedFilter, positions: IndexArray, later: NDAr
     return Rejected(excess, responses)
 
 
-def _outputs_after_updates(timeline: Timeline, position: int) -> Array:
+def outputs_after_updates(timeline: Timeline, position: int) -> Array:
     """Return the outputs at a position by the filter's states after the last update before it, shape (o, f)."""
     filtered = filter_of(timeline)
     rows = readout_maps(timeline)(position) @ filtered.place

@@ -9,7 +9,7 @@ from typing import Final
 
 from mcnav.analysis.gates import SIGMAS
 from mcnav.analysis.linear_answer import LinearAnswer
-from mcnav.analysis.rejections import OnLinear, RejectionAnswer
+from mcnav.analysis.rejections import FlownRejections, OnLinear, RejectionAnswer
 from mcnav.report.columns.result_table import in_units
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.format import number, probability
@@ -51,6 +51,8 @@ def rejection_line(rejections: RejectionAnswer, outputs: Sequence[str]) -> str:
         f"(probability of none: {number(without, 3)})"
     )
     name, ratio = humanize(outputs[rejections.output]), number(rejections.ratio, 3)
+    if rejections.by_flights is not None:
+        return f"{said}. {_flown_words(rejections, rejections.by_flights, name, ratio)}"
     if rejections.verdict == OnLinear.HOLDS:
         return f"{said}. Linear sigmas hold: rejections multiply no rms by more than {ratio}"
     if rejections.verdict == OnLinear.FAILS:
@@ -60,7 +62,19 @@ def rejection_line(rejections: RejectionAnswer, outputs: Sequence[str]) -> str:
     if again is not None:
         percent = number(100.0 * again, 2)
         lockout = f". A rejection can start a lockout: the next measurement is rejected too with up to {percent} %"
-    return f"{said}{lockout}. Linear analysis cannot say what that does to {name}: run samples"
+    return f"{said}{lockout}. Linear analysis cannot say what that does to {name}: run samples, or mcnav lincov --gates"
+
+
+def _flown_words(rejections: RejectionAnswer, flown: FlownRejections, name: str, ratio: str) -> str:
+    """Say what flights that begin with a rejection make of linear analysis."""
+    by = f"By {flown.flights:,} flights that begin with a rejection, weighted by its probability,"
+    if rejections.verdict == OnLinear.HOLDS:
+        seen = f"They cannot see a lockout that follows fewer than one first rejection in {flown.flights // 5:,}"
+        return f"{by} linear sigmas hold: rejections multiply no rms by more than {ratio}. {seen}"
+    times = f"the rms of {name} is {ratio} ± {number(flown.ratio_error, 2)} times the linear one"
+    if rejections.verdict == OnLinear.FAILS:
+        return f"{by} linear sigmas do not hold: {times}"
+    return f"{by} {times}, which leaves open whether linear sigmas hold: run samples"
 
 
 def gates_entry(answer: LinearAnswer) -> Mapping[str, object]:
@@ -73,6 +87,7 @@ def gates_entry(answer: LinearAnswer) -> Mapping[str, object]:
         "first": [asdict(each) for each in rejections.first],
         "rms_one_rejection": rejections.rms_once,
         "rms_never_again": rejections.rms_never,
+        **({} if rejections.by_flights is None else {"by_flights": asdict(rejections.by_flights)}),
         "verdict": rejections.verdict.value,
         "line": rejection_line(rejections, [output.name for output in answer.outputs]),
         "stops": [asdict(row) for row in gate_rows(answer)],

@@ -82,7 +82,7 @@ IN_RUN: Final = (
 
 AS_IT_IS: Final = "Linear analysis {} of the campaign as it is: simulate it, with --confirm 3."
 NOT_THEN: Final = "Linear analysis does not hold with {}: simulate before you rely on it."
-UNEXAMINED: Final = "Flights did not examine {}: {}. --examine does it."
+UNEXAMINED: Final = "Linear analysis was not examined {}: {}. --examine does it."
 """What is said of the examination of proposals by linear analysis alone."""
 
 ENDED: Final = 1.05
@@ -307,7 +307,7 @@ def examined_words(allocation: Allocation) -> list[str]:
     if failing:
         words.append(NOT_THEN.format(several(failing)))
     if allocation.unexamined:
-        examined = "all changes" if any(linearity for _, linearity in proposed) else "linear analysis"
+        examined = "of all changes" if any(linearity for _, linearity in proposed) else "of any change"
         words.append(UNEXAMINED.format(examined, allocation.unexamined))
     return words
 

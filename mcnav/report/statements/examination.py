@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -63,10 +64,10 @@ def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
     failing = sorted(
         ((name, output) for name, output in zip(names, examined.outputs, strict=True)
          if output.verdict == "does not hold"),
-        key=lambda named: -abs(named[1].ratio - 1.0),
+        key=lambda named: (not math.isnan(named[1].ratio), -abs(named[1].ratio - 1.0)),
     )  # fmt: skip
     if failing:
-        worst = [f"{name} (true sigma about {output.ratio:.2f} times)" for name, output in failing[:NAMED]]
+        worst = [f"{name} ({_departure(output.ratio)})" for name, output in failing[:NAMED]]
         more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
         does = "does" if len(failing) == 1 else "do"
         words = f"{', '.join(worst) if more else joined(worst)}{more} {does} not"
@@ -81,3 +82,7 @@ def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
     worst_verdict = next(verdict for verdict in ("does not hold", "cannot say") if verdict in (*verdicts, together))
     tone = "partly" if worst_verdict == "does not hold" and "does not hold" not in verdicts else TONES[worst_verdict]
     return ". ".join(sentences), tone
+
+
+def _departure(ratio: float) -> str:
+    return "its linear sigma is zero" if math.isnan(ratio) else f"true sigma about {ratio:.2f} times"

@@ -40,6 +40,7 @@ from mcnav.systems.ins.linear.aided_errors import (
     SmoothedErrors,
     propagate_closed_loop,
     smooth_closed_loop,
+    stated_covariances,
 )
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop
 from mcnav.systems.ins.linear.covariance import biased_processes
@@ -229,10 +230,12 @@ class AidedNavigation:
                 return tables, float("nan")
             finer = self.tables(2 * division)
 
-    @property
+    @cached_property
     def _own_sigma(self) -> Array:
         """The filter's sigmas at the epochs, shape (m, 9); variances of errors that it believes absent are rounded."""
-        return np.asarray(np.sqrt(np.maximum(np.diagonal(self.linear.own, axis1=1, axis2=2), 0.0)))
+        places = self.places(self.loop)
+        own = stated_covariances(self.loop, places, np.ones(len(places)))
+        return np.asarray(np.sqrt(np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0)))
 
     def _without_noise(self, tables: AidedTables, probes: Array) -> Array:
         values, outcomes = self.propagate(tables, probes, False)

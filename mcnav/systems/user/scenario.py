@@ -109,7 +109,7 @@ class UserScenario(PlainScenario):
 
     @cached_property
     def _engine(self) -> UserEngine | StochasticUserEngine:
-        vectorised = self.engines[0] == "vectorised"
+        vectorised = self._together
         chunk = self.chunk(VECTORISED_CHUNK if vectorised else SINGLE_CHUNK)
         accuracy = f"{self.spec.code.file}, class {self.spec.name}, {'many at once' if vectorised else 'one by one'}"
         parallel = "threads" if vectorised else "processes"
@@ -151,7 +151,7 @@ class UserScenario(PlainScenario):
 
         Raises `ScenarioError` when a simulation that they need fails.
         """
-        from mcnav.systems.user.kept_differences import simulate_for_differences  # with llvmlite, to know the processor
+        from mcnav.systems.user.kept_simulations import simulate_for_differences  # with llvmlite, to know the processor
 
         simulate = without_noise(self._engine)
 
@@ -159,7 +159,7 @@ class UserScenario(PlainScenario):
             return simulate(errors), np.empty((len(errors), 0))
 
         def propagate(errors: Array) -> SimulationResult:
-            return simulate_for_differences(self._object, self.spec, final, errors)[0]
+            return simulate_for_differences(self._object, self.spec, final, errors, self._together)[0]
 
         return differentiate(propagate, self.sizes)
 
@@ -207,6 +207,16 @@ class UserScenario(PlainScenario):
         """
         self.linear()
         return replace(self._engine, spec=self.spec.pinned(self._object), accuracy=self.accuracy)
+
+    def keeping(self, engine: Engine, seconds: float) -> Engine:
+        """Return an engine of the scenario whose simulations are kept; `TooLong` where others take more seconds."""
+        from mcnav.systems.user.kept_simulations import keep_flights
+
+        return keep_flights(engine, self._object, self.spec, seconds, self._together)
+
+    @property
+    def _together(self) -> bool:
+        return self.engines[0] == "vectorised"
 
     @property
     def accuracy(self) -> str:

@@ -32,8 +32,8 @@ from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.sample_loop import SampleFailed, format_exception
 from mcnav.systems.user.code import UserScenarioSpec
-from mcnav.systems.user.kept_differences import simulate_for_differences
 from mcnav.systems.user.kept_noise import noise_of
+from mcnav.systems.user.kept_simulations import simulate_for_differences
 from mcnav.systems.user.measured_noise import MeasuredNoise
 from mcnav.systems.user.returned import numbers_of
 from mcnav.systems.user.scenario import SINGLE_CHUNK, UserScenario
@@ -292,7 +292,9 @@ class TimedUserScenario(StochasticUserScenario):
             return self.given_partials
         steps = np.array(SHARES)[self.differences.chosen + 1] * self.sizes
         errors = np.concatenate([np.diag(steps), -np.diag(steps)])
-        result, over_time = simulate_for_differences(self._object, self.spec, self._engine.without_noise, errors)
+        result, over_time = simulate_for_differences(
+            self._object, self.spec, self._engine.without_noise, errors, together=False
+        )
         for failure in result.failures.values():
             raise ScenarioError("type", f"a flight for the partial derivatives failed: {failure}")
         forward, backward = np.split(over_time, 2)

@@ -13,7 +13,7 @@ from mcnav.judgement.column_match import velocity_fault
 from mcnav.judgement.low_pass import density_fall, low_pass_remarks
 from mcnav.judgement.plain_files import IMU, find_fault
 from tests.calibration.named_trials import recording_of
-from tests.calibration.own_records import FILE_FAULTS, WRONG, fly, late_by
+from tests.calibration.own_records import FILE_FAULTS, WRONG, Flown, fly, late_by
 
 
 @pytest.mark.parametrize("name", FILE_FAULTS)
@@ -29,6 +29,12 @@ def test_a_fault_of_the_files_is_named(name: str) -> None:
 @pytest.mark.parametrize("name", WRONG)
 def test_what_a_filter_has_to_tell_is_no_fault_of_the_files(name: str) -> None:
     assert find_fault(recording_of(fly(3, WRONG[name][0])), 3.0, 0.02) is None
+
+
+def test_noise_of_a_receiver_is_no_fault_of_the_files() -> None:
+    """Velocities to 3 m/s: their course turns nine times as much as the vehicle, which is no unit of the gyros."""
+    for seed in (1, 2, 4):
+        assert find_fault(recording_of(fly(seed, Flown(velocity=3.0, position=10.0))), 3.0, 0.02) is None
 
 
 def with_gnss(recording: Recording, **values: np.ndarray) -> Recording:

@@ -105,6 +105,18 @@ def propagate_closed_loop(
     )
 
 
+def stated_covariances(loop: ClosedLoop, readings: IndexArray, after: Array) -> Array:
+    """Compute the covariance of the outputs that the filter states at readings, shape (m, 9, 9).
+
+    Parameters
+    ----------
+    readings, after : ndarray, shape (m,)
+        As for `propagate_closed_loop`.
+    """
+    own = loop.designed(loop.positions(readings, after)).covariances
+    return map_covariances(_output_maps(loop, readings), own[:, :NAVIGATION, :NAVIGATION])
+
+
 def smooth_closed_loop(loop: ClosedLoop, readings: IndexArray, after: Array, lag: float = np.inf) -> SmoothedErrors:
     """Compute what is left of the errors at readings, given the measurements up to a lag after each.
 
