@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.likelihood import (
@@ -195,7 +196,7 @@ class Scan:
         return Profile(factors, Sums(
             sums.totals - np.einsum("a,fab,b->f", products, kernel, products) + grown,
             sums.products[:, :count] - np.einsum("ac,fab,b->fc", cross, kernel, products),
-            sums.information[:, :count, :count] - np.swapaxes(cross, -1, -2) @ kernel @ cross,
+            sums.information[:, :count, :count] - transform(np.swapaxes(cross, -1, -2), kernel),
         ))  # fmt: skip
 
     def _refined(self, profiles: Mapping[int, Profile], factors: Mapping[int, Array]) -> dict[int, Profile]:

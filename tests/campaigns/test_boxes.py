@@ -137,7 +137,7 @@ def test_what_is_not_monotone_is_never_below_a_grid() -> None:
         ("imu.gyro.bias_instability.correlation_time", "10..1000 s"),
         ("aiding.gnss.outages.1.2", "70..110 s"),
     ):
-        ranges = {key: written, "aiding.gnss.position": "1..5 m"}
+        ranges: dict[str, Any] = {key: written, "aiding.gnss.position": "1..5 m"}
         if key.endswith(".2"):
             ranges = {"aiding.gnss.outages": [["60 s", written]], "aiding.gnss.position": "1..5 m"}
         campaign = campaign_with(ranges)
@@ -250,11 +250,9 @@ def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model()
     assert tuning.chosen.ratio <= 1.0 + 1e-9
     bounding = next(candidate for candidate in tuning.candidates if candidate.name == "bounding model")
     assert tuning.chosen.cost < bounding.cost
-    boxed = BoxedCampaign(parse_campaign(
-        override(override(AIDED, {"imu.gyro.bias_instability.correlation_time": "10..1000 s"}),
-                 {f"filter.believes.{belief.path}": belief.entry for belief in tuning.chosen.beliefs}),
-        UNNAMED, UNNAMED,
-    ))  # fmt: skip
+    believed: dict[str, Any] = {f"filter.believes.{belief.path}": belief.entry for belief in tuning.chosen.beliefs}
+    content = override(AIDED, {"imu.gyro.bias_instability.correlation_time": "10..1000 s", **believed})
+    boxed = BoxedCampaign(parse_campaign(content, UNNAMED, UNNAMED))
     for share in (0.1, 0.6, 0.9):
         answer = answer_linearly(boxed.at(boxed.setting([boxed.ranges[0].span.at(share)])))
         assert measures(answer)[-1] <= 1.0 + 1e-6

@@ -30,7 +30,7 @@ EXEMPT: Final = {
     "systems/ins/sensors/flexure.py:Flexure.added": "enters the flexure that samples draw",
     "systems/ins/reference": "a second opinion, which shares nothing with the linear engine",
     "rare/curvature.py": "curvatures turned to other axes, which are no covariances and enter the search of failures",
-    "judgement/assessment.py:_Everything": "squares of scores by the inverse information, x' A x",
+    "judgement/whitened_records.py:Together": "squares of scores by the inverse information, x' A x",
     "report/figures/dispersion.py:_farthest": "squared distances of samples, x' A x",
 }
 """Modules, folders or functions with products of their own, by path, and why."""
