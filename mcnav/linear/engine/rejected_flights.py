@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.execution.threads import one_thread
 from mcnav.linear.engine.rejections import WhitenedFilter, outputs_after_updates
@@ -113,15 +114,15 @@ class _Flights:
         begun, step, row, gain = len(w), whitened.steps[u], whitened.rows[u], whitened.gains[u]
         delta, excess = self.errors[:begun] @ step.T, _transformed(self.excess[:begun], step)
         seen = excess @ row.T
-        inverse = np.linalg.inv(np.eye(len(row)) + row @ seen)
+        inverse = np.linalg.inv(np.eye(len(row)) + transform(row, excess))
         innovations = w + delta @ row.T
         weighed = np.einsum("nij,nj->ni", inverse, innovations)
         rejected = new | (np.sum(innovations * weighed, axis=1) > limit)
         accepted = ~rejected
         delta += w @ gain.T
         delta[accepted] -= np.einsum("nfi,ni->nf", gain + seen[accepted], weighed[accepted])
-        told = excess[accepted] - seen[accepted] @ inverse[accepted] @ seen[accepted].swapaxes(1, 2)
-        excess[accepted] = _transformed(told, np.eye(len(gain)) - gain @ row)
+        kept = excess[accepted] - transform(seen[accepted], inverse[accepted])
+        excess[accepted] = _transformed(kept, np.eye(len(gain)) - gain @ row)
         excess[rejected] += gain @ gain.T
         self.errors[:begun], self.excess[:begun] = delta, excess
 
