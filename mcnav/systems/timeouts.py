@@ -2,13 +2,15 @@
 
 `time_limit` sets the limit, `within_limit` applies it to one sample's code. Python code, and libraries that call back
 into it, are stopped by a signal; code that ignores signals, such as a compiled loop, is stopped by ending the worker
-process. Signals reach the main thread only, so the runner uses worker processes when there is a limit.
+process. Signals reach the main thread only, so the runner uses worker processes when there is a limit. Where the system
+has no alarm, as Windows has none, a thread lets Python handle a signal as if it had come.
 
 Simulations in another thread are stopped between two samples (`mcnav.execution.stopping`).
 """
 
 from __future__ import annotations
 
+import _thread
 import faulthandler
 import os
 import signal
@@ -31,6 +33,8 @@ READING: Final = 30.0
 
 _seconds: list[float] = []
 _silent: list[int] = []
+_limits: list[float] = []
+"""Limit of the call that is under way in this process."""
 
 
 class SampleTimeout(BaseException):
@@ -76,28 +80,67 @@ def within_reading_limit(call: Callable[[], Result]) -> Result:
 
     Raises `SampleTimeout` when the call exceeds the limit.
     """
-    alone = threading.current_thread() is threading.main_thread() and not signal.getitimer(signal.ITIMER_REAL)[0]
+    alone = threading.current_thread() is threading.main_thread() and not _limits
     return _limited(call, max(_seconds[-1], READING)) if _seconds and alone else call()
 
 
 def _limited(call: Callable[[], Result], seconds: float) -> Result:
-    def stop(number: int, frame: object) -> None:
-        raise SampleTimeout(timeout_message(seconds))
-
     if not _silent:
         _silent.append(os.open(os.devnull, os.O_WRONLY))
-    earlier = signal.signal(signal.SIGALRM, stop)
     longest = PATIENCE * seconds + 0.5
     faulthandler.dump_traceback_later(longest, exit=True, file=_silent[0])
-    signal.setitimer(signal.ITIMER_REAL, seconds, seconds)  # again and again: some code swallows the first
     notes = own_notes()
     if notes is not None:
         notes.numbers[LATE] = int(time.monotonic() + longest)
+    _limits.append(seconds)
     try:
-        return call()
+        with _alarm(seconds):
+            return call()
     finally:
+        _limits.pop()
         if notes is not None:
             notes.numbers[LATE] = 0
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
         faulthandler.cancel_dump_traceback_later()
-        signal.signal(signal.SIGALRM, earlier)
+
+
+@contextmanager
+def _alarm(seconds: float) -> Iterator[None]:
+    """Raise `SampleTimeout` in the main thread after so many seconds, and again and again: some code swallows it."""
+    over = threading.Event()
+
+    def stop(number: int, frame: object) -> None:
+        if not over.is_set():
+            raise SampleTimeout(timeout_message(seconds))
+
+    number = getattr(signal, "SIGALRM", signal.SIGTERM)
+    earlier = signal.signal(number, stop)
+    try:
+        with _timer(seconds, number, over):
+            yield
+    finally:
+        over.set()
+        signal.signal(number, earlier)
+
+
+@contextmanager
+def _timer(seconds: float, number: int, over: threading.Event) -> Iterator[None]:
+    """Let a signal come each time that so many seconds have passed; where there are no timers, by a thread."""
+    if hasattr(signal, "SIGALRM"):
+        signal.setitimer(signal.ITIMER_REAL, seconds, seconds)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return
+
+    def remind() -> None:
+        while not over.wait(seconds):
+            _thread.interrupt_main(number)
+
+    reminder = threading.Thread(target=remind, daemon=True)
+    reminder.start()
+    try:
+        yield
+    finally:
+        over.set()
+        reminder.join()
