@@ -54,7 +54,7 @@ CONTENTS: Final = {
         "commands", "reference/commands", "campaigns", "reference/keys", "reference/examples", "trajectories",
         "scenarios", "notebook", "reference/api",
     ),
-    "Project": ("architecture", "decisions", "kernels", "benchmarks", "contributing", "changelog"),
+    "Project": ("architecture", "decisions", "kernels", "security", "benchmarks", "contributing", "changelog"),
 }  # fmt: skip
 """Every page of the site but the first, in the order of its navigation."""
 

@@ -11,7 +11,7 @@ Page = Literal[
     "howto-filter", "howto-landing", "howto-judge", "howto-requirements", "howto-ranges", "howto-rare", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "examination", "rare-events", "theory", "report",
     "glossary", "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling",
-    "architecture", "decisions", "kernels",
+    "architecture", "decisions", "kernels", "security",
     "tn-d1772", "story", "textbook", "ukfm", "other-tools", "imu",
 ]  # fmt: skip
 

@@ -112,7 +112,7 @@ def _alarm(seconds: float) -> Iterator[None]:
         if not over.is_set():
             raise SampleTimeout(timeout_message(seconds))
 
-    number = getattr(signal, "SIGALRM", signal.SIGTERM)
+    number: signal.Signals = getattr(signal, "SIGALRM", signal.SIGTERM)
     earlier = signal.signal(number, stop)
     try:
         with _timer(seconds, number, over):
@@ -123,7 +123,7 @@ def _alarm(seconds: float) -> Iterator[None]:
 
 
 @contextmanager
-def _timer(seconds: float, number: int, over: threading.Event) -> Iterator[None]:
+def _timer(seconds: float, number: signal.Signals, over: threading.Event) -> Iterator[None]:
     """Let a signal come each time that so many seconds have passed; where there are no timers, by a thread."""
     if hasattr(signal, "SIGALRM"):
         signal.setitimer(signal.ITIMER_REAL, seconds, seconds)
