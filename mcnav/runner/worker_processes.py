@@ -62,10 +62,25 @@ def start_first() -> float:
 
 
 def submit(task: Callable[..., Any], *arguments: Any, worker: int = 0) -> Future[Any]:
-    """Submit a task to a process of this thread, which starts unless it runs."""
+    """Submit a task to a process of this thread, which starts unless it runs, and works in the folder of this one."""
     with interrupts_blocked():
-        submitted: Future[Any] = _executor(worker).submit(task, *arguments)
+        submitted: Future[Any] = _executor(worker).submit(_work_in, _current_folder(), task, *arguments)
     return submitted
+
+
+def _current_folder() -> str | None:
+    """Return the current folder; none where it has been deleted."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return None
+
+
+def _work_in(folder: str | None, task: Callable[..., Any], *arguments: Any) -> Any:
+    """Do a task in a folder, from which relative paths count: a process may have begun in another."""
+    if folder is not None:
+        os.chdir(folder)
+    return task(*arguments)
 
 
 def end_worker() -> None:
