@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from multiprocessing.util import Finalize
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
@@ -68,15 +69,15 @@ def submit(task: Callable[..., Any], *arguments: Any, worker: int = 0) -> Future
     return submitted
 
 
-def _current_folder() -> str | None:
+def _current_folder() -> Path | None:
     """Return the current folder; none where it has been deleted."""
     try:
-        return os.getcwd()
+        return Path.cwd()
     except FileNotFoundError:
         return None
 
 
-def _work_in(folder: str | None, task: Callable[..., Any], *arguments: Any) -> Any:
+def _work_in(folder: Path | None, task: Callable[..., Any], *arguments: Any) -> Any:
     """Do a task in a folder, from which relative paths count: a process may have begun in another."""
     if folder is not None:
         os.chdir(folder)

@@ -102,7 +102,7 @@ def test_a_worker_works_where_its_caller_does(tmp_path: Path) -> None:
     for folder in folders:
         folder.mkdir()
         with contextlib.chdir(folder):
-            assert submit(os.getcwd).result() == str(folder)
+            assert submit(Path.cwd).result() == folder
             numbers.add(submit(os.getpid).result())
         folder.rmdir()
     assert len(numbers) == 1
