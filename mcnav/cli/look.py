@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,8 +23,8 @@ from mcnav.cli.options import (
 from mcnav.cli.output_place import output_file, output_folder
 from mcnav.cli.printing import (
     err,
-    open_address,
     open_page,
+    opened_in_secret,
     out,
     print_line,
     print_next,
@@ -359,7 +360,6 @@ def live(
     with LiveServer(port) as server, until_interrupted():
         content = LiveCampaign(campaign, target, jobs)
         print_line(f"page: {server.address}\nCtrl-C ends it")
-        if show:
-            open_address(server.address, "address")
-        answer_requests(content, server)
+        with opened_in_secret(server.address, target) if show else nullcontext():
+            answer_requests(content, server)
     print_next(next_command.written("run", campaign))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-import shlex
 import shutil
 import sys
 from collections.abc import Sequence
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from mcnav.execution.shell import join_words, quote_word
 
 if TYPE_CHECKING:
     from mcnav.analysis.allocation import Allocation
@@ -23,7 +24,7 @@ def written(*words: object) -> str:
     >>> written("run", Path("my campaigns/mine.toml"))
     "mcnav run 'my campaigns/mine.toml'"
     """
-    return shlex.join(["mcnav", *map(str, words)])
+    return join_words(["mcnav", *map(str, words)])
 
 
 def program() -> str:
@@ -31,7 +32,7 @@ def program() -> str:
     called = Path(sys.argv[0])
     if called.stem != "mcnav" or shutil.which("mcnav") is not None:
         return "mcnav"
-    return shlex.quote(os.path.relpath(called))
+    return quote_word(os.path.relpath(called))
 
 
 def after_run(campaign: Path, folder: Path, summary: Summary, reported: bool, opened: bool) -> str:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import mkstemp
 from typing import Any, Literal
 
 from mcnav.execution.streams import writes_any_text
@@ -50,6 +53,28 @@ def open_address(address: str, what: str = "file") -> None:
 
     if not webbrowser.open(address):
         print_notes([f"no browser is found; open the {what} yourself"])
+
+
+@contextmanager
+def opened_in_secret(address: str, folder: Path) -> Iterator[None]:
+    """Show an address in the browser, by a file in a folder that only this user can read, and that is deleted.
+
+    Every user of the machine can read the command line of a browser. A browser in a sandbox of its own, such as a
+    snap, may see neither the system's temporary files nor hidden ones.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    descriptor, name = mkstemp(prefix="open_", suffix=".html", dir=folder)  # of mode 0600
+    page = Path(name).resolve()
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(
+                '<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer">'
+                f'<meta http-equiv="refresh" content="0; url={address}"><title>mcnav live</title>'
+            )
+        open_address(page.as_uri(), "address")
+        yield
+    finally:
+        page.unlink(missing_ok=True)
 
 
 def print_rows(chosen: Format, rows: Sequence[Mapping[str, Any]], tables: Mapping[str, Any]) -> None:

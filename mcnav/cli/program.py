@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from typer.exceptions import TyperException
 from mcnav.cli.former import current
 from mcnav.cli.printing import err, print_line, print_notes
 from mcnav.execution.interrupts import RESUMES, interrupts
+from mcnav.execution.shell import join_words
 from mcnav.execution.supervision import STORES, own_notes
 
 CHECK_FAILED, BAD_INPUT, SOME_FAILED, BUSY = 1, 2, 3, 4
@@ -66,7 +66,7 @@ class _Groups(TyperGroup):
         """Put the name of today in place of a former one, and say so."""
         words = current(args)
         if words != args and not ctx.resilient_parsing:
-            print_notes([f"mcnav {args[0]} is now: {shlex.join(['mcnav', *words])}"])
+            print_notes([f"mcnav {args[0]} is now: {join_words(['mcnav', *words])}"])
         return super().parse_args(ctx, words)
 
     def invoke(self, ctx: Any) -> Any:

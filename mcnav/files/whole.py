@@ -10,6 +10,7 @@ import os
 import re
 import secrets
 import stat
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -104,9 +105,52 @@ def write_whole(path: Path, content: bytes) -> None:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        temporary.replace(path)
+        _replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+    if not _WINDOWS:  # where no folder can be opened
+        _sync_folder(path.parent)
+
+
+_WINDOWS: Final = os.name == "nt"
+
+_TRIES: Final = (0.01, 0.03, 0.1, 0.3, 0.6)
+"""Seconds between tries to replace a file: Windows refuses while another program, such as a scanner, has it open."""
+
+
+def _replace(temporary: Path, path: Path) -> None:
+    """Put a finished file in the place of another; `OSError` that says what to do where another program keeps it."""
+    for pause in _TRIES if _WINDOWS else ():
+        try:
+            temporary.replace(path)
+        except PermissionError:
+            time.sleep(pause)
+        else:
+            return
+    try:
+        temporary.replace(path)
+    except PermissionError as failure:
+        if not _WINDOWS:
+            raise
+        message = "cannot be replaced: close the program that has it open, or allow writing to it"
+        raise PermissionError(failure.errno, message, str(path)) from None
+
+
+_NOT_SYNCED: Final = {errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM}
+"""Errors of file systems that cannot sync a folder, and of folders that may be written to, but not read."""
+
+
+def _sync_folder(folder: Path) -> None:
+    """Write the entries of a folder to the disk, so that a renamed file is there after a loss of power."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as failure:
+        if failure.errno not in _NOT_SYNCED:
+            raise
 
 
 def check_regular(path: Path, most: int) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +15,14 @@ from mcnav.errors import reason_of
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import LogTable, Values, table_of
 from mcnav.logs.text_tables import MOST_ROWS, column_values
+
+MOST_BYTES: Final = 7 * 8 * MOST_ROWS
+"""Bytes of the variables of a MATLAB file, all of which are read: seven columns of numbers."""
+
+
+def _check_rows(path: Path, rows: int) -> None:
+    if rows > MOST_ROWS:
+        raise LogError(path, f"has {rows:,} rows; at most {MOST_ROWS:,} are read, so give a part of it")
 
 
 def open_parquet(path: Path) -> LogTable:
@@ -24,8 +35,7 @@ def open_parquet(path: Path) -> LogTable:
         raise LogError(path, f"is no parquet file that can be read: {reason_of(failure)}") from None
     if not (rows := file.metadata.num_rows):
         raise LogError(path, "has no rows")
-    if rows > MOST_ROWS:
-        raise LogError(path, f"has {rows:,} rows; at most {MOST_ROWS:,} are read, so give a part of it")
+    _check_rows(path, rows)
 
     def read(names: Sequence[str]) -> Mapping[str, Values]:
         try:
@@ -49,7 +59,11 @@ def open_mat(path: Path) -> LogTable:
     if hdf:
         raise LogError(path, "is a MATLAB file of version 7.3 (HDF5); save it with save(..., '-v7')")
     try:
+        if _exceeds(path, MOST_BYTES):
+            raise LogError(path, f"holds over {MOST_BYTES:,} bytes of variables; save those of the record, or a part")
         content = loadmat(path, squeeze_me=False, struct_as_record=False, simplify_cells=True)
+    except LogError:
+        raise
     except Exception as failure:  # scipy raises many types for damaged files
         raise LogError(path, f"is no MATLAB file that can be read: {reason_of(failure)}") from None
     columns: dict[str, Values] = {}
@@ -57,8 +71,43 @@ def open_mat(path: Path) -> LogTable:
     if not columns:
         raise LogError(path, "holds no vectors and no matrices of numbers")
     longest = max(map(len, columns.values()))
+    _check_rows(path, longest)
     kept = {name: values for name, values in columns.items() if len(values) == longest}
     return table_of(path, kept)
+
+
+_COMPRESSED: Final = 15
+"""Type of a compressed element of a MATLAB file."""
+
+_PIECE: Final = 1 << 20
+"""Bytes that are inflated at a time."""
+
+
+def _exceeds(path: Path, most: int) -> bool:
+    """Return whether the variables of a MATLAB file take more bytes than so many: a small file may inflate to any size.
+
+    A file begins with 128 bytes, the last two of which give the order of bytes. Elements follow, each with its type
+    and length (MAT-File Format, level 5). A file of version 4 is not compressed.
+
+    Raises `zlib.error` where it is damaged.
+    """
+    with path.open("rb") as file:
+        order = {b"IM": "<", b"MI": ">"}.get(file.read(128)[126:])
+        if order is None:
+            return path.stat().st_size > most
+        size = 0
+        while size <= most and len(tag := file.read(8)) == 8:
+            kind, length = struct.unpack(f"{order}II", tag)
+            end = file.tell() + length
+            if kind != _COMPRESSED:
+                size += length
+            inflater = zlib.decompressobj()
+            while kind == _COMPRESSED and size <= most and (piece := file.read(min(_PIECE, end - file.tell()))):
+                while piece and size <= most:
+                    size += len(inflater.decompress(piece, _PIECE))
+                    piece = inflater.unconsumed_tail
+            file.seek(end)
+        return size > most
 
 
 def _add_variables(columns: dict[str, Values], prefix: str, content: Mapping[str, object]) -> None:

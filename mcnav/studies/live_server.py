@@ -8,6 +8,7 @@ requests over: they are answered one after the other in the thread of the comman
 from __future__ import annotations
 
 import json
+import math
 import secrets
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -20,6 +21,7 @@ from threading import Thread
 from typing import Any, Final
 
 from mcnav.errors import CampaignError, Problem
+from mcnav.report.document.html import without_turns
 from mcnav.studies.live import LiveCampaign
 from mcnav.studies.live_run import REFUSED, in_one_line
 
@@ -34,6 +36,9 @@ IDLE: Final = 30.0
 
 LARGEST: Final = 100_000
 """Bytes of the largest request."""
+
+DIGITS: Final = 18
+"""Digits of the longest whole number in a request."""
 
 WRONG: Final = "403: this is not the address that mcnav live has printed; its token is missing or wrong"
 
@@ -126,12 +131,14 @@ def answer_requests(live: LiveCampaign, server: LiveServer) -> None:
 
 
 def _state(live: LiveCampaign) -> str:
-    return json.dumps(live.state(), ensure_ascii=False, allow_nan=False)
+    return without_turns(json.dumps(live.state(), ensure_ascii=False, allow_nan=False))
 
 
 def _tuned(asked: dict[str, Any]) -> Call:
     revision = int(asked["revision"])
     factors = {str(path): float(factor) for path, factor in asked["factors"].items()}
+    if not all(map(math.isfinite, factors.values())):
+        raise ValueError("a factor is not finite")
 
     def call(live: LiveCampaign) -> str:
         live.tune(revision, factors)
@@ -188,6 +195,8 @@ class _Requests(BaseHTTPRequestHandler):
             self._answer("text/html", lambda live: live.page())
         elif path == "state":
             self._answer("application/json", _state)
+        elif kind in SHOWN and number.isdecimal() and len(number) > DIGITS:
+            self._send(HTTPStatus.BAD_REQUEST, "text/plain", f"400: the number has more than {DIGITS} digits")
         elif kind in SHOWN and number.isdecimal():
             content, shown = SHOWN[kind]
             self._answer(content, lambda live: shown(live, int(number)))
@@ -202,12 +211,14 @@ class _Requests(BaseHTTPRequestHandler):
         length = self.headers.get("Content-Length", "")
         if path not in ACTIONS or self.headers.get("Content-Type") != "application/json":
             self._send(HTTPStatus.NOT_FOUND, "text/plain", "404: there is nothing here")
-        elif not length.isdecimal() or int(length) > LARGEST:
+        elif not length.isdecimal():
+            self._send(HTTPStatus.BAD_REQUEST, "text/plain", "400: the header Content-Length is no whole number")
+        elif len(length) > DIGITS or int(length) > LARGEST:
             self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "text/plain", "413: the request is too long")
         else:
             try:
                 call = ACTIONS[path](json.loads(self.rfile.read(int(length))))
-            except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
                 self._send(HTTPStatus.BAD_REQUEST, "text/plain", "400: this is not what the page asks")
             else:
                 self._answer("application/json", call)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,6 +17,7 @@ from markupsafe import Markup
 
 from mcnav.analysis.summary import Summary
 from mcnav.errors import RunFolderError, reading_file
+from mcnav.execution.shell import quote_word
 from mcnav.files.whole import write_whole
 from mcnav.report.document.html import page_html
 from mcnav.report.document.page_head import PageHead, page_head
@@ -317,7 +317,7 @@ def _comparison(folder: Path, studies: Sequence[_Study]) -> Markup:
         'Tick two runs, and the command that compares them stands here.<output data-compare="{}" data-out="{}" '
         'data-where="{}"></output>'
     ).format(
-        json.dumps(pages), shlex.quote("." if here else folder.as_posix()), "in the folder of this page" if here else ""
+        json.dumps(pages), quote_word("." if here else folder.as_posix()), "in the folder of this page" if here else ""
     )
 
 
@@ -326,7 +326,7 @@ def _tick(folder: Path, run: _Run) -> Markup:
     place = run.path if folder.is_absolute() else run.place.as_posix()
     return Markup(
         '<input type="checkbox" class="pick" value="{}" data-folder="{}" aria-label="Compare {}" hidden> '
-    ).format(shlex.quote(place), (Path(folder.resolve().name) / run.path).as_posix(), run.name)
+    ).format(quote_word(place), (Path(folder.resolve().name) / run.path).as_posix(), run.name)
 
 
 def _run_table(folder: Path, runs: Sequence[_Run]) -> Table[_Run]:

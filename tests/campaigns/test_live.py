@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 
+from mcnav.cli.printing import opened_in_secret
 from mcnav.errors import CampaignError
 from mcnav.execution import interrupts
 from mcnav.studies.linear_answers import answer_linearly
@@ -133,7 +134,22 @@ def test_requests_that_are_refused(tmp_path: Path) -> None:
         assert ask(server, own + "tune", {"revision": 1, "factors": {}}, Content_Type="text/plain")[0] == 404
         assert ask(server, own + "run", {})[0] == 404
         assert ask(server, own + "tune", " " * (LARGEST + 1))[0] == 413
-        for wrong in ("{", "[]", {}, {"revision": "x", "factors": {}}, {"revision": 1, "factors": [1]}, "[" * 50_000):
+        assert ask(server, own + "tune", Content_Length="-1", content={})[0] == 400
+        for number in ("1" * 5_000, "1" * 19):
+            assert ask(server, own + f"setting/{number}") == (400, "400: the number has more than 18 digits")
+        for wrong in (
+            "{",
+            "[]",
+            {},
+            {"revision": "x", "factors": {}},
+            {"revision": 1, "factors": [1]},
+            "[" * 50_000,
+            '{"revision": 1e999, "factors": {}}',
+            '{"revision": 1, "factors": {"a": 1e999}}',
+            '{"revision": 1, "factors": {"a": NaN}}',
+            f'{{"revision": 1, "factors": {{"a": 1{"0" * 400}}}}}',
+            f'{{"revision": {"1" * 5_000}, "factors": {{}}}}',
+        ):
             assert ask(server, own + "tune", wrong)[0] == 400
         assert ask(server, own + "setting/99") == (409, f"setting 99: is not among the last {MOST}")
         assert ask(server, own + "report/1") == (409, "setting 1: has no finished run")
@@ -247,3 +263,27 @@ def test_an_interrupt_is_its_ordinary_end(tmp_path: Path) -> None:
         interrupts.interrupts.received.clear()
         signal.signal(signal.SIGINT, before[0])
         signal.signal(signal.SIGTERM, before[1])
+
+
+def test_the_token_is_not_on_the_browser_s_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is in a file that only its user can read, and that goes with the command."""
+    shown: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address: bool(shown.append(address)) or True)
+    with opened_in_secret("http://127.0.0.1:1/token/", tmp_path / "runs"):
+        (page,) = (tmp_path / "runs").iterdir()
+        assert shown == [page.resolve().as_uri()]
+        assert "url=http://127.0.0.1:1/token/" in page.read_text()
+        assert page.stat().st_mode & 0o777 == 0o600
+    assert not page.exists()
+
+
+def test_text_that_turns_is_shown_as_its_codes(tmp_path: Path) -> None:
+    """In the page and in its state: such a name could read as another."""
+    turned = tmp_path / "turned.toml"
+    named = re.sub(r'(?m)^name = ".*"', r'name = "a\\u202eb\\u2066c"', CRUISE.read_text(encoding="utf-8"))
+    turned.write_text(named, encoding="utf-8")
+    with served(LiveCampaign(turned, tmp_path, 1)) as server:
+        for path in ("", "state"):
+            text = ask(server, f"/{server.token}/{path}")[1]
+            assert not set(text) & set("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+            assert path or "a[U+202E]b[U+2066]c" in text

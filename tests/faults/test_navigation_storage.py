@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,7 +49,7 @@ def full_after(writes: int) -> Callable[[int], None]:
     left = [writes]
 
     def fsync(file: int) -> None:
-        left[0] -= 1
+        left[0] -= stat.S_ISREG(os.fstat(file).st_mode)  # and nothing of folders
         if left[0] < 0:
             os.ftruncate(file, os.fstat(file).st_size // 2)
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

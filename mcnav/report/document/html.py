@@ -28,6 +28,9 @@ ICONS: Final = {
 }  # fmt: skip
 """Colour and sign of the window's icon, by tone: a tab shows no more."""
 
+_TURNS: Final = re.compile("[\u202a-\u202e\u2066-\u2069]")
+"""Bidirectional control characters (Unicode Standard Annex 9)."""
+
 SVG: Final = "http://www.w3.org/2000/svg"
 BOX: Final = "0 0 16 16"
 
@@ -57,7 +60,7 @@ def page_html(page: Page) -> str:
         page=page, style=Markup(style), script=Markup(script), script_hash=Markup(f"sha256-{digest}"), icon=icon,
         live="LivePart" in kinds, hints=hints(),
     )  # fmt: skip
-    return _focusable(text)
+    return _focusable(without_turns(text))
 
 
 def icon(tone: str) -> Markup:
@@ -70,7 +73,18 @@ def icon(tone: str) -> Markup:
 
 def parts_html(parts: Sequence[Part]) -> str:
     """Write parts of a page as HTML without style and script, as notebooks show them."""
-    return str(_environment().get_template("parts.html").module.shown(parts))  # type: ignore[attr-defined]
+    return without_turns(str(_environment().get_template("parts.html").module.shown(parts)))  # type: ignore[attr-defined]
+
+
+def without_turns(text: str) -> str:
+    r"""Write characters that turn the direction of text as their codes: they could make a name read as another.
+
+    The codes stand in markup, in JSON and in scripts alike.
+
+    >>> without_turns("nominal\u202elanimon")
+    'nominal[U+202E]lanimon'
+    """
+    return _TURNS.sub(lambda turn: f"[U+{ord(turn[0]):04X}]", text)
 
 
 def card_html(parts: Sequence[Part]) -> str:

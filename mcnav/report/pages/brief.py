@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
+from mcnav.execution.shell import quote_word
 from mcnav.report.columns.filter_columns import foremost_neglected
 from mcnav.report.columns.requirements import RequirementRow, requirement_rows
 from mcnav.report.document.parts import Note, Page, Section, Sentence, joined
@@ -151,7 +151,7 @@ def _advice(content: RunAnalysis) -> Section | None:
 
 def _sources(content: RunAnalysis, worst: RequirementRow | None, links: Links) -> Section:
     """Say where the numbers come from."""
-    run, manifest = shlex.quote(links.run), content.manifest
+    run, manifest = quote_word(links.run), content.manifest
     entries = [
         f"{content.summary.samples:,} samples, seed {manifest.seed}, engine {manifest.identity.engine}, "
         f"run {manifest.identity.digest[:12]}.",

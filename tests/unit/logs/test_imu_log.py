@@ -1,6 +1,7 @@
 """Records of inertial sensors: names and units of columns, and what is refused or noted."""
 
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -254,6 +255,12 @@ def test_parquet_and_matlab_files_have_the_same_content_as_csv(tmp_path: Path) -
     same(read_imu_log(tmp_path / "imu.mat"), rows, 0.0)
     (tmp_path / "imu.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     assert "is no MATLAB file that can be read" in refused(tmp_path / "imu.mat")
+    for compressed in (False, True):  # 8 MB of zeros are 8 kB
+        savemat(tmp_path / "imu.mat", {"log": {"gyro": np.zeros((1_000_000, 1))}}, do_compression=compressed)
+        with patch("mcnav.logs.binary_tables.MOST_BYTES", 7_000_000):
+            assert "holds over 7,000,000 bytes of variables" in refused(tmp_path / "imu.mat")
+        with patch("mcnav.logs.binary_tables.MOST_ROWS", 999_999):
+            assert "has 1,000,000 rows; at most 999,999 are read" in refused(tmp_path / "imu.mat")
     (tmp_path / "imu.parquet").write_bytes(b"PAR1" + bytes(200))
     assert "is no parquet file that can be read" in refused(tmp_path / "imu.parquet")
 

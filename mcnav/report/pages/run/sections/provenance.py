@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import shlex
 from dataclasses import dataclass
 from typing import Final
 
 from markupsafe import Markup
 
 from mcnav.errors import shortened
+from mcnav.execution.shell import quote_word
 from mcnav.report.document.parts import Facts, Folded, Lines, Note, Part, Section, folded, headed
 from mcnav.report.document.table import CODE, Column, Table, counted
 from mcnav.report.format import number
@@ -67,7 +67,7 @@ def _facts(content: RunAnalysis) -> Facts:
     identity = Markup(
         "{} (SHA-256 of campaign, engine and versions; this page shows the first digits, manifest.json all)"
     ).format(CODE(shortened(manifest.identity.digest)))
-    again = CODE(f"mcnav run campaign.toml --engine {shlex.quote(content.summary.engine)}")
+    again = CODE(f"mcnav run campaign.toml --engine {quote_word(content.summary.engine)}")
     rerun = Markup("{} in the run folder, or with this file:").format(again)
     return Facts([*entries, ("Identity of the run", identity), ("Rerun", rerun)], below=True)
 
