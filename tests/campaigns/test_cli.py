@@ -339,7 +339,7 @@ def test_bad_input(arguments: list[object], message: str, workplace: Path) -> No
         (["lincov", "14_polr.toml"], "; did you mean 'campaigns/14_polar.toml'?"),
         (["check", "fligth.csv", "--trajectory"], "; did you mean 'campaigns/flight.csv'?"),
         (["run", "quaternion.toml"], "quaternion.toml: no such file; expected a campaign file in TOML"),
-        (["demo", "99"], "no example '99'; they are numbered from 1 to 39, and --list shows them"),
+        (["demo", "99"], "no example '99'; they are numbered from 1 to 40, and --list shows them"),
         (["demo", "gnss"], "no example 'gnss'; did you mean '19_flight_with_gnss'?"),
         (["docs", "filter"], "'filter' is unknown; did you mean 'howto-filter'?"),
         (["docs", "aided"], "'aided' is unknown; did you mean 'tutorial-aided'?"),
