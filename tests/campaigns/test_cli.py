@@ -310,7 +310,7 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--out", "file/inside"], "error: file/inside: cannot be written to"),
         (["run", DEMO, "--out", "x" * 300], "File name too long"),
         (["run", DEMO, "--check"], "accept: is missing; --check needs requirements"),
-        (["run", DEMO, "--known-ways"], "--known-ways: says what --check accepts; add --check"),
+        (["run", DEMO, "--known-ways"], "--known-ways: belongs to --check; add --check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
         (["compare", "nowhere"], "error: nowhere: holds no run (there is no such folder)"),
         (["lincov", "nowhere.toml", "--partials"], "error: nowhere.toml: no such file"),
@@ -448,7 +448,7 @@ def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
     told = [line.rpartition(",")[0] for line in done.stderr.splitlines()]
     assert told == ["1 of 1: 11_cruise: 0 functions"]
     refused = invoke("dev", "compile", "--level", "x86-64-v3", cwd=tmp_path)
-    assert (refused.returncode, refused.stderr) == (2, "error: --level: is for objects; give --out FOLDER\n")
+    assert (refused.returncode, refused.stderr) == (2, "error: --level: belongs to --out; add --out FOLDER\n")
 
 
 @pytest.mark.parametrize(
