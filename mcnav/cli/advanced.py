@@ -17,7 +17,7 @@ from mcnav.cli.program import command, dev, failure
 @command(group=dev)
 def schema(
     into: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Write it into a folder, or a file ending in .json.")
+        Path | None, typer.Option("--out", "-o", help="Write the schema into a folder, or a file ending in .json.")
     ] = None,
 ) -> None:
     """Print the JSON schema of campaign files, for editors.
@@ -42,13 +42,15 @@ def schema(
 def compile_all(
     into: Annotated[
         Path | None,
-        typer.Option("--out", "-o", "--into", metavar="FOLDER", help="Write objects there, which a wheel may hold."),
+        typer.Option("--out", "-o", "--into", metavar="FOLDER", help="Write compiled objects here, for a wheel."),
     ] = None,
     level: Annotated[
         Literal["x86-64-v3", "x86-64-v4"] | None,
-        typer.Option(help="Processor that objects are for [default: the highest level of this one]."),
+        typer.Option(help="Processor level of the objects [default: the highest of this processor]."),
     ] = None,
-    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="An example in place of all; repeat.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Compile for this example only; repeat.")
+    ] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Parallel processes.")] = 2,
 ) -> None:
     """Compile all kernels beforehand, for images and clusters.
@@ -58,7 +60,7 @@ def compile_all(
     Example: mcnav dev compile
     """
     if level is not None and into is None:
-        raise failure("--level: is for objects; give --out FOLDER")
+        raise failure("--level: belongs to --out; add --out FOLDER")
     if into is not None:
         from mcnav.compiled.target import choose_objects
 
@@ -85,9 +87,7 @@ def reproduce(
         ),
     ],
     folder: Annotated[Path | None, out_folder("reports/DOCUMENT")] = None,
-    samples: Annotated[
-        int | None, typer.Option(min=2, help="Runs of each filter, of ukfm alone [default: 10000].")
-    ] = None,
+    samples: Annotated[int | None, typer.Option(min=2, help="Of ukfm: runs of each filter [default: 10000].")] = None,
 ) -> None:
     """Recompute the numbers and figures of a publication.
 
@@ -103,7 +103,7 @@ def reproduce(
     from mcnav.validation.reproduce.ukfm import page as ukfm_page
 
     if samples is not None and document != "ukfm":
-        raise failure(f"--samples is for ukfm alone; {document} has samples of its own")
+        raise failure(f"--samples: belongs to ukfm; leave it out for {document}")
     target = output_folder(folder, Path("reports") / document)
     following = next_command.written("docs", "story" if document == "story-of-84-minutes" else document)
     if document == "story-of-84-minutes":

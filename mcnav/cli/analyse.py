@@ -45,7 +45,7 @@ def lincov(
         typer.Option(help="Of --partials: how P is computed [default: all]."),
     ] = None,
     remedies: Annotated[
-        bool, typer.Option("--remedies", help="Compute all that would help where something fails, for the page.")
+        bool, typer.Option("--remedies", help="Compute every remedy where something fails, for the page.")
     ] = False,
     examine: Examine = None,
     gates: Annotated[
@@ -151,15 +151,15 @@ def judge(
     ] = None,
     begin: Annotated[
         float | None,
-        typer.Option("--from", metavar="S", help="Where the part that is judged begins, s after the first reading."),
+        typer.Option("--from", metavar="S", help="Begin of the judged part, s after the first reading."),
     ] = None,
     end: Annotated[
-        float | None, typer.Option("--to", metavar="S", help="Where it ends, s after the first reading.")
+        float | None, typer.Option("--to", metavar="S", help="End of the judged part, s after the first reading.")
     ] = None,
     records: Annotated[int, typer.Option(min=200, max=100_000, help="Simulated records to compare with.")] = 1000,
     record: Annotated[
         bool,
-        typer.Option("--record", help="Write what the instruments of a simulated flight read, to try a judgement."),
+        typer.Option("--record", help="Write the readings of a simulated flight, to try mcnav judge."),
     ] = False,
     sample: Annotated[int | None, typer.Option(min=0, help="Of --record: number of the sample [default: 0].")] = None,
     rate: Annotated[
@@ -188,7 +188,7 @@ def judge(
 
     if errors is not None:
         if campaign is not None or imu is not None:
-            raise failure("--errors: is judged alone, without a campaign; leave one of them out", BAD_INPUT)
+            raise failure("--errors: does not go with a campaign; leave one of them out", BAD_INPUT)
         target = output_folder(folder, Path("reports") / f"{errors.stem}_judge")
         verdicts, files = write_error_judgement(errors, target)
         out.print(printed(judged_errors.terminal(verdicts)))
@@ -260,12 +260,14 @@ def tune(
     campaign: CampaignFile,
     cost: Annotated[
         Literal["requirement", "sigma"] | None,
-        typer.Option(help="What is to cost little [default: the worst requirement, else the mean filter sigma]."),
+        typer.Option(help="What to keep small [default: the worst requirement, else the mean filter sigma]."),
     ] = None,
     confirm: Annotated[
         bool, typer.Option("--confirm/--no-confirm", help="Simulate the setting closest to optimistic.")
     ] = True,
-    samples: Annotated[int | None, typer.Option("--samples", "-n", min=2, help="Of it [default: the file's].")] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", "-n", min=2, help="Samples of it [default: the file's].")
+    ] = None,
     jobs: Jobs = 2,
     folder: Annotated[Path | None, out_folder("reports/NAME_tune")] = None,
 ) -> None:
@@ -316,7 +318,7 @@ def filters(
         ),
     ] = None,
     samples: Annotated[
-        int | None, typer.Option("--samples", "-n", min=1, help="Of each run [default: the campaign's].")
+        int | None, typer.Option("--samples", "-n", min=1, help="Samples of each run [default: the campaign's].")
     ] = None,
     jobs: Jobs = 2,
     folder: Annotated[Path | None, out_folder("reports/NAME_filters")] = None,
@@ -369,10 +371,10 @@ def identify(
         typer.Option(metavar="TIME", help="Interval between readings, such as '0.01 s', in place of a column of time."),
     ] = None,
     begin: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="Begin of what is used, from the first reading.")
+        str | None, typer.Option("--from", metavar="TIME", help="Begin of the part used, from the first reading.")
     ] = None,
     end: Annotated[
-        str | None, typer.Option("--to", metavar="TIME", help="End of what is used, from the first reading.")
+        str | None, typer.Option("--to", metavar="TIME", help="End of the part used, from the first reading.")
     ] = None,
     below: Annotated[
         str | None,

@@ -41,10 +41,10 @@ def report(
     folders: Folders,
     show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
     remedies: Annotated[
-        bool, typer.Option("--remedies", help="Compute all that would help where something fails; simulate the best.")
+        bool, typer.Option("--remedies", help="Compute every remedy where something fails; simulate the best.")
     ] = False,
     campaign: Annotated[
-        Path | None, typer.Option("--campaign", help="Of --remedies: campaign file of a run of code of your own.")
+        Path | None, typer.Option("--campaign", help="Of --remedies: campaign file, needed for code of your own.")
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Of --remedies: parallel jobs.")] = 2,
 ) -> None:
@@ -273,7 +273,9 @@ def replay(
     fail: Annotated[
         int | None,
         typer.Option(
-            metavar="N", min=1, help="In place of a sample, the most likely way to fail requirement N, at its limit."
+            metavar="N",
+            min=1,
+            help="Instead of a sample, simulate the likeliest failure of requirement N, at its limit.",
         ),
     ] = None,
     campaign: Annotated[
@@ -299,9 +301,7 @@ def replay(
     from mcnav.workflow import replay as replaying
 
     if (index is None) == (fail is None):
-        raise failure(
-            "mcnav replay needs the index of a sample or --fail with the number of a requirement, one of them"
-        )
+        raise failure("mcnav replay needs the index of a sample, or --fail with the number of a requirement")
     if fail is None:
         result = replaying.replay(folder, index or 0, campaign)
     else:

@@ -275,7 +275,7 @@ def _version(asked: bool) -> None:
         try:
             print_line(f"mcnav {version('mcnav')}")
         except PackageNotFoundError:
-            raise failure("mcnav is not installed here, so that its version is not known") from None
+            raise failure("mcnav is not installed here, so its version is unknown") from None
         raise typer.Exit
 
 

@@ -71,7 +71,8 @@ def run(
         bool, typer.Option("--check", help="Exit with status 1 unless every requirement of [accept] is met.")
     ] = False,
     known_ways: Annotated[
-        bool, typer.Option("--known-ways", help="With --check, accept what is met for the known ways to fail.")
+        bool,
+        typer.Option("--known-ways", help="With --check, also accept what is met only for the known ways to fail."),
     ] = False,
     timeout: Annotated[
         str | None, typer.Option(metavar="TIME", help="Time limit of one sample, such as '10 s'.")
@@ -104,7 +105,7 @@ def run(
     if check and not content.requirements:
         raise failure(f"{campaign}: accept: is missing; --check needs requirements")
     if known_ways and not check:
-        raise failure("--known-ways: says what --check accepts; add --check")
+        raise failure("--known-ways: belongs to --check; add --check")
     if show and no_report:
         raise failure("--open: shows the report; leave out --no-report")
     target = output_folder(folder, run_folder(campaign))
@@ -332,7 +333,7 @@ def new_ins(
             autocompletion=completion.aids,
         ),
     ] = None,
-    platform: Annotated[Platform, typer.Option(help="Carrier of the instruments.")] = "strapdown",
+    platform: Annotated[Platform, typer.Option(help="Mounting of the instruments.")] = "strapdown",
     column: NamedColumns = None,
     into: Into = Path(),
 ) -> None:
@@ -357,7 +358,7 @@ def new_scenario(
     name: Name,
     stochastic: Annotated[bool, typer.Option("--stochastic", help="With noise and errors over time.")] = False,
     closed_loop: Annotated[
-        bool, typer.Option("--closed-loop", help="A vehicle that is steered by what it navigates.")
+        bool, typer.Option("--closed-loop", help="A vehicle that steers by its own navigation.")
     ] = False,
     into: Into = Path(),
 ) -> None:

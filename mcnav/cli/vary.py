@@ -44,7 +44,7 @@ def sweep(
         list[str] | None,
         typer.Option(
             metavar="MEASURE",
-            help="What is looked at, such as position_horizontal [default: requirements].",
+            help="Result to compute at each value, such as position_horizontal [default: requirements].",
             autocompletion=completion.for_words(completion.outputs),
         ),
     ] = None,
@@ -98,7 +98,7 @@ def sweep(
     """
     starts = vary == [START]
     if scale + bool(vary) != 1:
-        raise failure(f"mcnav sweep needs --vary KEY=VALUES, --vary {START} or --scale, one of them")
+        raise failure(f"mcnav sweep needs --vary KEY=VALUES, --vary {START} or --scale, and only one of them")
     way = "--scale" if scale else f"--vary {START}" if starts else ""
     for option, value in {"tolerance": tolerance, "samples": samples, "largest": largest, "axes": axes}.items():
         if value is not None and BELONGING[option] != way:

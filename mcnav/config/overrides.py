@@ -148,7 +148,7 @@ def _set(table: Content, names: list[str], value: Value, above: tuple[str, ...])
     elif len(rest) == 1:
         table[name] = _with_part(inside, rest[0], value)
     else:
-        raise _Mistake(f"{'.'.join(here)} is no table")
+        raise _Mistake(f"{'.'.join(here)} is not a table")
 
 
 def _set_presence(table: Content, names: list[str], present: bool, above: tuple[str, ...]) -> bool:
@@ -217,7 +217,7 @@ def _set_entry(entries: list[Any], names: list[str], value: Value, above: tuple[
     elif isinstance(inside, list):
         raise _Mistake(f"has several entries; expected the number of one, such as {'.'.join(here)}.1")
     elif rest:
-        raise _Mistake(f"{'.'.join(here)} is no table")
+        raise _Mistake(f"{'.'.join(here)} is not a table")
     else:
         entries[place] = value
 
@@ -275,7 +275,7 @@ def _size_key(table: Mapping[str, Any]) -> str:
     kind = str(table.get("distribution", ""))
     sized = [name for name in SIZES if name in table]
     if kind == TABLE:
-        raise _Mistake("has the values of a file, and no size to set")
+        raise _Mistake("takes its values from a file; it has no size to set")
     if kind.startswith(SCIPY) and sized != ["scale"]:
         raise _Mistake(f"is {kind!r} without a scale to set; name one of its keys")
     if len(sized) != 1:

@@ -124,7 +124,7 @@ def _read_variable(path: str, text: str, points: int) -> Variable:
     if len(values) < 2:
         raise UnitError(f"got {text!r}; expected at least two different values")
     if len(values) < len(given):
-        raise UnitError(f"got {text!r}; a value is there twice")
+        raise UnitError(f"got {text!r}; a value occurs twice")
     log = bool(values[0] > 0.0 and values[-1] / values[0] >= DECADE * (1.0 - 1e-12))
     return Variable(path, values, unit, log)
 
@@ -135,7 +135,7 @@ def _read_words(path: str, text: str) -> Variable:
     if not all(words) or len(words) < 2 or len(words) > MOST_WORDS:
         raise UnitError(f"got {text!r}; {EXPECTED}, or two to {MOST_WORDS} words such as navigation, tactical")
     if len(set(words)) < len(words):
-        raise UnitError(f"got {text!r}; a value is there twice")
+        raise UnitError(f"got {text!r}; a value occurs twice")
     return Variable(path, np.arange(float(len(words))), "", False, words)
 
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from multiprocessing.util import Finalize
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
@@ -62,10 +63,25 @@ def start_first() -> float:
 
 
 def submit(task: Callable[..., Any], *arguments: Any, worker: int = 0) -> Future[Any]:
-    """Submit a task to a process of this thread, which starts unless it runs."""
+    """Submit a task to a process of this thread, which starts unless it runs, and works in the folder of this one."""
     with interrupts_blocked():
-        submitted: Future[Any] = _executor(worker).submit(task, *arguments)
+        submitted: Future[Any] = _executor(worker).submit(_work_in, _current_folder(), task, *arguments)
     return submitted
+
+
+def _current_folder() -> Path | None:
+    """Return the current folder; none where it has been deleted."""
+    try:
+        return Path.cwd()
+    except FileNotFoundError:
+        return None
+
+
+def _work_in(folder: Path | None, task: Callable[..., Any], *arguments: Any) -> Any:
+    """Do a task in a folder, from which relative paths count: a process may have begun in another."""
+    if folder is not None:
+        os.chdir(folder)
+    return task(*arguments)
 
 
 def end_worker() -> None:

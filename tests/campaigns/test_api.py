@@ -138,7 +138,7 @@ def test_where_there_is_no_run(tmp_path: Path, run: RunResult) -> None:
     (tmp_path / "file").touch()
     mcnav.run(described(), tmp_path / "broken off", jobs=1)
     broken = RunFolder(tmp_path / "broken off")
-    broken.write_manifest(broken.existing_manifest().model_copy(update={"complete": False}))
+    broken.finish(broken.existing_manifest().model_copy(update={"complete": False}), {})
     said = {
         "nowhere": r"nowhere: holds no run \(there is no such folder\)$",
         "file": r"file: holds no run \(it is a file\)$",

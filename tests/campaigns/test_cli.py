@@ -310,7 +310,7 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--out", "file/inside"], "error: file/inside: cannot be written to"),
         (["run", DEMO, "--out", "x" * 300], "File name too long"),
         (["run", DEMO, "--check"], "accept: is missing; --check needs requirements"),
-        (["run", DEMO, "--known-ways"], "--known-ways: says what --check accepts; add --check"),
+        (["run", DEMO, "--known-ways"], "--known-ways: belongs to --check; add --check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
         (["compare", "nowhere"], "error: nowhere: holds no run (there is no such folder)"),
         (["lincov", "nowhere.toml", "--partials"], "error: nowhere.toml: no such file"),
@@ -339,7 +339,7 @@ def test_bad_input(arguments: list[object], message: str, workplace: Path) -> No
         (["lincov", "14_polr.toml"], "; did you mean 'campaigns/14_polar.toml'?"),
         (["check", "fligth.csv", "--trajectory"], "; did you mean 'campaigns/flight.csv'?"),
         (["run", "quaternion.toml"], "quaternion.toml: no such file; expected a campaign file in TOML"),
-        (["demo", "99"], "no example '99'; they are numbered from 1 to 39, and --list shows them"),
+        (["demo", "99"], "no example '99'; they are numbered from 1 to 40, and --list shows them"),
         (["demo", "gnss"], "no example 'gnss'; did you mean '19_flight_with_gnss'?"),
         (["docs", "filter"], "'filter' is unknown; did you mean 'howto-filter'?"),
         (["docs", "aided"], "'aided' is unknown; did you mean 'tutorial-aided'?"),
@@ -448,7 +448,7 @@ def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
     told = [line.rpartition(",")[0] for line in done.stderr.splitlines()]
     assert told == ["1 of 1: 11_cruise: 0 functions"]
     refused = invoke("dev", "compile", "--level", "x86-64-v3", cwd=tmp_path)
-    assert (refused.returncode, refused.stderr) == (2, "error: --level: is for objects; give --out FOLDER\n")
+    assert (refused.returncode, refused.stderr) == (2, "error: --level: belongs to --out; add --out FOLDER\n")
 
 
 @pytest.mark.parametrize(

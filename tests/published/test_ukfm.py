@@ -202,4 +202,4 @@ def test_the_page_and_the_documentation_tell_the_same(folder: Path) -> None:
 def test_samples_are_for_ukfm_alone(tmp_path: Path) -> None:
     finished = invoke("reproduce", "textbook", "--samples", 5, cwd=tmp_path)
     assert finished.returncode != 0
-    assert finished.stderr.strip() == "error: --samples is for ukfm alone; textbook has samples of its own"
+    assert finished.stderr.strip() == "error: --samples: belongs to ukfm; leave it out for textbook"

@@ -34,7 +34,7 @@ from mcnav.report.document.parts import (
     headed,
     joined,
 )
-from mcnav.report.document.table import STRONG, Cell, Column, Table, five_digits
+from mcnav.report.document.table import STRONG, Cell, Column, Place, Table, five_digits
 from mcnav.report.drawing.figure import Figure, bare
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.format import number
@@ -295,16 +295,21 @@ def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:
 
 
 def final_table(answer: LinearAnswer) -> Table[SizeRow]:
-    """Tabulate the final means and sigmas with the causes of the variances."""
+    """Tabulate the final means and sigmas with the causes of the variances.
+
+    Those of second order are in the terminal where linear analysis is not shown to hold.
+    """
     rows = final_rows(answer)
+    examined = () if answer.examination is None else answer.examination.outputs
+    place: Place | None = None if any(row.verdict != Linearity.HOLDS for row in examined) else "page"
     heading = "Mean error" if any(kinds_of(answer.outputs)) else "Mean"
     mean: Column[SizeRow] = Column(heading, lambda row: row.mean, heading.lower(), form=_size, size="value")
     mean_second: Column[SizeRow] = Column(
         f"{heading}, second order", lambda row: row.mean_second, f"{heading.lower()}, 2nd order", form=five_digits,
-        size="value",
+        size="value", place=place,
     )  # fmt: skip
     sigma_second: Column[SizeRow] = Column(
-        "Second order", lambda row: row.sigma_second, "σ, 2nd order", form=five_digits, size="sigma"
+        "Second order", lambda row: row.sigma_second, "σ, 2nd order", form=five_digits, size="sigma", place=place
     )
     second = any(row.sigma_second is not None for row in rows)
     nominal: Column[SizeRow] = Column("Nominal", lambda row: row.nominal, "nominal", form=five_digits, size="value")

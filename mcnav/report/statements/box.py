@@ -81,7 +81,7 @@ def _told_apart(one: float, other: float) -> tuple[str, str]:
     """Shorten two numbers to three digits, or to as many more as tell them apart.
 
     >>> _told_apart(12.13, 19.8), _told_apart(10290.1, 10346.2)
-    (('12.1', '19.8'), ('10,290', '10,346'))
+    (('12.1', '19.8'), ('10,290', '10,350'))
     """
     shown = [(rounded(one, digits), rounded(other, digits)) for digits in range(3, 7)]
     return next((pair for pair in shown if pair[0] != pair[1]), shown[0])

@@ -203,8 +203,12 @@ def _worst_output(summary: Summary, epochs: Mapping[str, Array]) -> str:
 
 
 def _ends(ends: Ends | None, confidence: float) -> str:
+    """Write an interval by two digits, or by three where its ends would be the same."""
     low, high = ends or (None, None)
-    return f" ({confidence:g} %: {rounded(low, 2)} to {rounded(high, 2)})" if low is not None else ""
+    if low is None:
+        return ""
+    digits = 2 if rounded(low, 2) != rounded(high, 2) else 3
+    return f" ({confidence:g} %: {rounded(low, digits)} to {rounded(high, digits)})"
 
 
 def _sigmas(summary: Summary, result: FilterSummary, worst: Departure, epochs: Mapping[str, Array]) -> str:

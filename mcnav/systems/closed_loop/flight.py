@@ -18,7 +18,7 @@ from mcnav.contract.failure import Failure, Reason
 from mcnav.systems.closed_loop.algebra import combine, propagate, update, whiten
 from mcnav.systems.closed_loop.differences import differentiate_own
 from mcnav.systems.closed_loop.filter import FilterStates
-from mcnav.systems.closed_loop.maps import Event
+from mcnav.systems.closed_loop.maps import Event, Maps
 from mcnav.systems.closed_loop.noise import CORRECTIONS, PROCESSES, SENSORS, Noise, NoNoise
 from mcnav.systems.closed_loop.own_update import stated_covariance, updated
 from mcnav.systems.closed_loop.passage import Step, find_passages, meet, pass_through
@@ -162,7 +162,9 @@ class Flight:
         straight = None if planned is None else planned.straight
         if straight is None or outcome is None:
             return propagate(covariance, *self.own_derivatives(map_, states))
-        f, entering = states.of_errors(straight.state, straight.inputs * map_.believed)
+        assert planned is not None
+        state, inputs = (straight.state, straight.inputs) if planned.fixed is None else planned.fixed
+        f, entering = states.of_errors(state, inputs * map_.believed)
         bent = straight.departures(map_.x, map_.entering, outcome)
         if not bent.any():
             return propagate(covariance, f, entering)
@@ -236,9 +238,9 @@ class Flight:
         if not len(self.rows):
             return
 
-        def function(x: Array, entering: Array, part: Part = "both") -> Array:
+        def function(x: Array, entering: Array, part: Part = "both", loop: Maps = maps) -> Array:
             white = entering.reshape(2, inputs, x.shape[1])
-            return maps.step(x, np.full(x.shape[1], time), length, white, part=part)
+            return loop.step(x, np.full(x.shape[1], time), length, white, part=part)
 
         white = self.of_flight(drawn)
         after = function(self.x, white)
@@ -247,9 +249,10 @@ class Flight:
             times = np.full(len(self.rows), time + length)
             met = np.any(meet(maps, after, times, self.signs, self.pending), axis=0)
         parts: dict[Part, Callable[..., Array]] = {}
+        as_believed = partial(function, loop=maps.as_believed)
         if maps.apart:
-            parts = {"truth": partial(function, part="truth"), "navigator": partial(function, part="navigator")}
-        own = OwnMap(function, self.x, white, setup.believed.modes, parts=parts)
+            parts = {"truth": partial(as_believed, part="truth"), "navigator": partial(as_believed, part="navigator")}
+        own = OwnMap(as_believed, self.x, white, setup.believed.modes, parts=parts)
         if not met.any():
             self.covariance = self.propagated_own(own, self.covariance, planned, after)
             self.x = after
@@ -282,10 +285,10 @@ class Flight:
             of_step = white[:, :, here].reshape(2 * white.shape[1], len(here))
             entering = np.concatenate([of_step, *(noises[event][:, here] for event in events)])
             own = [setup.believed.corrections[maps.events[e].number] for e in events if self._corrects(e)]
-            function = self._passing(step, events)
-            after[:, here] = function(self.x[:, here], entering, fractions)
+            after[:, here] = self._passing(maps, step, events)(self.x[:, here], entering, fractions)
             if self.own:
                 believed = np.concatenate([setup.believed.modes, *own])
+                function = self._passing(maps.as_believed, step, events)
                 passing = OwnMap(function, self.x[:, here], entering, believed, fractions)
                 self.covariance[:, :, here] = self.propagated_own(passing, self.covariance[:, :, here])
             self.pending[np.array(events, dtype=np.intp)[:, None], here] = False
@@ -296,9 +299,9 @@ class Flight:
     def _corrects(self, number: int) -> bool:
         return self.setup.maps.events[number].kind == "correction"
 
-    def _passing(self, step: Step, events: tuple[int, ...]) -> Callable[..., Array]:
+    def _passing(self, maps: Maps, step: Step, events: tuple[int, ...]) -> Callable[..., Array]:
         """Return the map of a step with events: of X, of noise, and of the fractions at which they happen."""
-        maps, inputs = self.setup.maps, self.setup.maps.structure.white.size + self.setup.maps.structure.markov.size
+        inputs = maps.structure.white.size + maps.structure.markov.size
         sizes = [len(self.execution_errors(number)) for number in events]
         splits = np.cumsum([2 * inputs, *sizes])[:-1]
 

@@ -37,6 +37,8 @@ class FlownMap:
         Whether its values are X.
     value : ndarray, shape (m,)
         About the nominal, by itself.
+    believed : FlownMap, optional
+        The map as the navigator believes it; none where it is the same.
     """
 
     group: Hashable
@@ -48,12 +50,19 @@ class FlownMap:
     to_x: bool = True
     value: Array = field(default_factory=lambda: np.zeros(0))
     derivatives: Derivatives | None = None
+    believed: FlownMap | None = None
 
     @property
     def known(self) -> Derivatives:
         """The derivatives."""
         assert self.derivatives is not None
         return self.derivatives
+
+    @property
+    def step(self) -> Transition:
+        """The transition of a step, or of a part of it."""
+        believed = None if self.believed is None else (self.believed.known.state, self.believed.known.inputs)
+        return Transition(self.known.state, self.known.inputs, "step", fixed=believed)
 
 
 @dataclass
@@ -77,11 +86,11 @@ class FlownStep:
         """Return its transition."""
         first, *others = self.parts
         assert isinstance(first, FlownMap)
-        composed = Composed.of(Transition(first.known.state, first.known.inputs, "step"))
+        composed = Composed.of(first.step)
         moments: list[Moment] = []
         for other in others:
             if isinstance(other, FlownMap):
-                composed.add(other.known.state, other.known.inputs)
+                composed.add(other.step)
                 continue
             event, saltation = other.event, other.saltation
             moments.append(Moment(other.time, other.fraction, "before", other.before, composed.transition))

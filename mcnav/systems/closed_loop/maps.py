@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -92,6 +92,12 @@ class Maps:
     update: Method | None = None
     covariance: Method | None = None
     phases: tuple[str, ...] = ()
+
+    @cached_property
+    def as_believed(self) -> Maps:
+        """The loop with the correlation times that the navigator believes: that from which its filter's F and Q are."""
+        same = np.array_equal(self.decay, self.believed_decay)
+        return self if same else replace(self, decay=self.believed_decay)
 
     @property
     def ends(self) -> bool:

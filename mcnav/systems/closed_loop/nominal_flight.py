@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final, Protocol
 
 import numpy as np
@@ -122,12 +123,17 @@ def within_step(
             begin, x, earlier = moment.time, moment.x, (moment.transition,)
     inputs, space = maps.structure.white.size + maps.structure.markov.size, maps.structure.space
 
-    def function(x: Array, entering: Array) -> Array:
+    def function(x: Array, entering: Array, loop: Maps = maps) -> Array:
         white = entering.reshape(2, inputs, x.shape[1])
-        return maps.step(x, np.full(x.shape[1], begin), time - begin, white)
+        return loop.step(x, np.full(x.shape[1], begin), time - begin, white)
 
     known = differentiate_map(function, x, linear.steps, _step_inputs(sizes), space, space)
-    return (*earlier, Transition(known.state, known.inputs, "step")), known.value
+    fixed = None
+    if maps.as_believed is not maps:
+        as_believed = partial(function, loop=maps.as_believed)
+        believed = differentiate_map(as_believed, x, linear.steps, _step_inputs(sizes), space, space)
+        fixed = believed.state, believed.inputs
+    return (*earlier, Transition(known.state, known.inputs, "step", fixed=fixed)), known.value
 
 
 def _step_inputs(sizes: LoopSizes) -> Array:
@@ -235,11 +241,16 @@ class _Flight:
         """Fly the part of a step from one fraction of it to another."""
         maps, inputs = self.maps, self.maps.structure.white.size + self.maps.structure.markov.size
 
-        def function(x: Array, entering: Array, at: Array) -> Array:
-            return maps.step(x, at[0], at[1], entering.reshape(2, inputs, x.shape[1]), fraction, since)
+        def function(x: Array, entering: Array, at: Array, loop: Maps = maps) -> Array:
+            return loop.step(x, at[0], at[1], entering.reshape(2, inputs, x.shape[1]), fraction, since)
 
-        group, where = "step" if since == 0.0 and fraction == 1.0 else object(), f"rates at {time:g} s"
-        return self._flown(group, function, (time, length), _step_inputs(self.sizes), where)
+        whole, where = since == 0.0 and fraction == 1.0, f"rates at {time:g} s"
+        at, entering = (time, length), _step_inputs(self.sizes)
+        part = self._flown("step" if whole else object(), function, at, entering, where)
+        if maps.as_believed is not maps:
+            as_believed = partial(function, loop=maps.as_believed)
+            part.believed = self._flown("believed step" if whole else object(), as_believed, at, entering, where)
+        return part
 
     def _flown(
         self, group: Hashable, function: TimedMap, at: tuple[float, ...], inputs: Array, where: str, to_x: bool = True
@@ -252,11 +263,12 @@ class _Flight:
 
     def _take(self, map_: FlownMap) -> Array:
         """Note a map, which is to be differentiated, and return its value."""
+        both = [map_] if map_.believed is None else [map_, map_.believed]
         if self.apart:
-            self.kinks |= differentiate_flown([map_], self.steps, self.maps.structure.space, apart=True)
+            self.kinks |= differentiate_flown(both, self.steps, self.maps.structure.space, apart=True)
             return map_.known.value
         check_finite(map_.where, map_.value)
-        self.flown.append(map_)
+        self.flown += both
         return map_.value
 
     def _meet(self, time: float, length: float, since: float, after: Array) -> tuple[int, float] | None:

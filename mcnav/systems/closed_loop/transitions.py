@@ -36,7 +36,8 @@ class Transition:
     corrections : mapping of int to ndarray, shape (size, axes)
         For the execution errors of corrections by trigger within a step, by number.
     fixed : tuple of (ndarray, ndarray), optional
-        A and G of a step whose events happen at their nominal instants, as a filter sees them; None where both agree.
+        A and G of a step as a filter sees them: events happen at their nominal instants, and processes have the
+        correlation times that it believes. None where both agree.
     moments : tuple of Moment
         Before and after events within a step.
     """
@@ -185,7 +186,7 @@ class Composed:
     state, inputs : ndarray, shapes (size, size) and (size, k)
         With events at every sample's own instant.
     fixed, inputs_fixed : ndarray, the same shapes
-        With events at the nominal instants.
+        With events at the nominal instants, and the correlation times that a filter believes.
     corrections : dict of int to ndarray
         As those of a `Transition`.
     """
@@ -201,10 +202,11 @@ class Composed:
         """Return that of a transition."""
         return cls(transition.state, transition.inputs, *transition.of_filter, dict(transition.corrections))
 
-    def add(self, state: Array, inputs: Array) -> None:
-        """Add a map."""
-        self._change(state, state)
-        self.inputs, self.inputs_fixed = self.inputs + inputs, self.inputs_fixed + inputs
+    def add(self, step: Transition) -> None:
+        """Add a part of a step."""
+        fixed, inputs_fixed = step.of_filter
+        self._change(step.state, fixed)
+        self.inputs, self.inputs_fixed = self.inputs + step.inputs, self.inputs_fixed + inputs_fixed
 
     def jump(self, saltation: Saltation, correction: int | None) -> None:
         """Add an event, with the number of the correction that it is."""

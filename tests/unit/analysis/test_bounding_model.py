@@ -6,13 +6,36 @@ The recursions are of their own: the filter's covariance of (constant, noise), a
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from mcnav.analysis.tuning import bounding_model
 from mcnav.arrays.types import Array
+from mcnav.config.read import campaign_from
+from mcnav.contract.members import ready_engine
+from mcnav.contract.samples import Batch
+from mcnav.studies.linear_answers import answer_linearly
 
 SIGMA, WHITE, START, COUNT = 2.0, 1.0, 100.0, 600
+DRIFT = """
+name = "A constant behind a drift"
+samples = 100
+seed = 1
+[scenario]
+type = "ranging.py:Ranging"
+[errors]
+constant = "100 m"
+[processes]
+drift = {{ sigma = "2 m", correlation_time = "200 s" }}
+[measurements]
+range = "1 m"
+[filter.believes.processes.drift]
+sigma = "2 m"
+correlation_time = "{time} s"
+"""
+
 TIMES = np.geomspace(20.0, 200.0, 25)
 
 
@@ -61,3 +84,24 @@ def test_the_upper_ends_bound_the_errors_for_less() -> None:
     claimed, ratios = claimed_and_ratios(200.0, SIGMA**2, SIGMA**2)
     assert ratios.max() <= 1.0 + 1e-9
     assert claimed[-1] == pytest.approx(1.272, abs=5e-4)
+
+
+@pytest.mark.parametrize("time", [20.0, 110.0, 200.0])
+def test_a_loop_claims_what_its_filter_believes(time: float, tmp_path: Path) -> None:
+    """A closed loop whose filter believes another correlation time: sigmas of the recursions, and of own gains.
+
+    A step's error of the fourth order is (1 / 20)^5 / 120, 3e-9.
+    """
+    code = (Path(__file__).parents[3] / "campaigns" / "ranging.py").read_text(encoding="utf-8")
+    (tmp_path / "ranging.py").write_text(code.replace("cycle, end = 1.0, 120.0", "cycle, end = 1.0, 600.0"))
+    (tmp_path / "drift.toml").write_text(DRIFT.format(time=time))
+    campaign = campaign_from(tmp_path / "drift.toml")
+    claimed, ratios = claimed_and_ratios(time, SIGMA**2, SIGMA**2)
+    answer = answer_linearly(campaign)
+    assert answer.filter is not None
+    assert answer.sigma[0] == pytest.approx(ratios[-1, -1] * claimed[-1], rel=1e-7)
+    assert answer.filter.ratios[-1, 0] == pytest.approx(ratios[-1, -1], rel=1e-7)
+    engine = ready_engine(campaign.scenario, campaign.scenario.engines[0], campaign.errors.mean[None])
+    drawn = engine.simulate(Batch(np.arange(8), campaign.errors.draw("random", 1, 8, 0, 8), 1))
+    assert drawn.linear_values is not None
+    np.testing.assert_allclose(drawn.values, drawn.linear_values, atol=1e-6)

@@ -123,7 +123,7 @@ def test_entries_of_lists_by_number() -> None:
     assert set_one(outages, "aiding.gnss.instants.2", "9 s")["aiding"][0]["instants"] == ["3 s", "9 s"]
     assert "such as aiding.gnss.outages.1.1" in mistake(outages, "aiding.gnss.outages.1")
     assert "from 1 to 2" in mistake(outages, "aiding.gnss.outages.3.1")
-    assert mistake(outages, "aiding.gnss.outages.1.2.3") == "aiding.gnss.outages.1.2 is no table"
+    assert mistake(outages, "aiding.gnss.outages.1.2.3") == "aiding.gnss.outages.1.2 is not a table"
     found = vary(AIDED, {"aiding.gnss.outages.1.2": "1300 s"})
     assert isinstance(found.scenario, Ins)
     assert found.scenario.navigation.sensors[0].outages == ((1200.0, 1300.0),)
@@ -219,11 +219,11 @@ def test_paths_that_lead_nowhere() -> None:
     assert mistake(SENSORS, "aiding.gnss") == "expected a key of this entry as well"
     assert mistake(SENSORS, "aiding") == "has several entries; expected the number of one, such as aiding.1"
     assert "from 1 to 1" in mistake({"accept": {"cep": [{"below": "1 m"}]}}, "accept.cep.2.below")
-    assert mistake({"seed": 1}, "seed.of.it") == "seed is no table"
+    assert mistake({"seed": 1}, "seed.of.it") == "seed is not a table"
     law = {"scenario": {"lift_law": {"type": "constant", "lift_to_drag": 0.2}}}
     assert mistake(law, "scenario.lift_law", 0.3) == "is a table; name one of its keys: type, lift_to_drag"
     measured = {"errors": {"bias_z": {"distribution": "table", "file": "a.csv", "column": "b", "unit": "ug"}}}
-    assert mistake(measured, "errors.bias_z") == "has the values of a file, and no size to set"
+    assert mistake(measured, "errors.bias_z") == "takes its values from a file; it has no size to set"
     shaped = {"errors": {"bias_z": {"distribution": "scipy.beta", "a": 2, "b": 2}}}
     assert "without a scale" in mistake(shaped, "errors.bias_z")
     assert "expected 3, for x, y, z" in mistake({"imu": {"gyro": {"bias": ["1 deg/h"]}}}, "imu.gyro.bias.x")

@@ -68,7 +68,7 @@ def test_values_are_written_as_a_campaign_file_has_them() -> None:
         ("", "expected a range such as"),
         ("1 deg/h", "expected at least two different values"),
         ("1, 1 deg/h", "expected at least two different values"),
-        ("1, 1, 2 deg/h", "a value is there twice"),
+        ("1, 1, 2 deg/h", "a value occurs twice"),
         ("1 km..2 deg/h", "'km' is a length; expected an angular rate"),
         ("1 parsecs..2 km", "'parsecs' is not a known unit"),
         ("1..1e999", "expected finite values"),
@@ -100,6 +100,6 @@ def test_words_come_before_numbers() -> None:
     assert (first.path, first.words, first.values.tolist()) == ("imu.grade", ("navigation", "tactical"), [0.0, 1.0])
     assert first.written(1.0) == "tactical"
     assert second.path == "imu.gyro.bias"
-    assert "a value is there twice" in mistake({"imu.grade": "tactical, tactical"})
+    assert "a value occurs twice" in mistake({"imu.grade": "tactical, tactical"})
     assert "two to 12 words" in mistake({"imu.grade": "tactical"})
     assert "expected a range such as" in mistake({"imu.gyro.bias": "1 deg/h, tactical"})

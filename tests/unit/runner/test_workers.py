@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mcnav.runner import processes
 from mcnav.runner.chunks import SampleRange
+from mcnav.runner.worker_processes import submit
 
 COST = 4.0
 """Time that a worker takes until it simulates, s."""
@@ -90,3 +94,15 @@ def test_several_workers_take_less_time(monkeypatch: pytest.MonkeyPatch) -> None
     """Twenty chunks of ten seconds: half of 200 s, the cost of the other worker and a chunk more at most."""
     _, took = simulated(monkeypatch, 20, 10.0, 2)
     assert took <= 100.0 + COST + 10.0
+
+
+def test_a_worker_works_where_its_caller_does(tmp_path: Path) -> None:
+    """A process that began in another folder, also in one that has gone, reads relative paths from the new one."""
+    folders, numbers = [tmp_path / name for name in ("one", "two")], set[int]()
+    for folder in folders:
+        folder.mkdir()
+        with contextlib.chdir(folder):
+            assert submit(Path.cwd).result() == folder
+            numbers.add(submit(os.getpid).result())
+        folder.rmdir()
+    assert len(numbers) == 1
