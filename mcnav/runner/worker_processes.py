@@ -29,7 +29,8 @@ def _begin_worker(parent: int) -> None:
 
 
 def ready() -> None:
-    """Let a worker import what it needs."""
+    """Let a worker import what it needs, which is most of what its start costs."""
+    import mcnav.runner.chunks  # noqa: F401
 
 
 _executors: dict[tuple[int, int], ProcessPoolExecutor] = {}
