@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from mcnav.config.documents import UNNAMED
 from mcnav.config.overrides import override
 from mcnav.config.read import Campaign, campaign_from, parse_campaign
 from mcnav.errors import CampaignError
+from mcnav.report.pages.tune import verdict
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
 from mcnav.studies.boxed_run import campaign_to_run
@@ -250,6 +252,9 @@ def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model()
     assert tuning.chosen.ratio <= 1.0 + 1e-9
     bounding = next(candidate for candidate in tuning.candidates if candidate.name == "bounding model")
     assert tuning.chosen.cost < bounding.cost
+    said = (("", "agrees"), ("undecided", "agrees"), ("pessimistic", "agrees"), ("optimistic", "differs"))
+    for confirmed, tone in said:
+        assert verdict(replace(tuning, confirmed=confirmed, samples=500)).tone == tone
     believed: dict[str, Any] = {f"filter.believes.{belief.path}": belief.entry for belief in tuning.chosen.beliefs}
     content = override(AIDED, {"imu.gyro.bias_instability.correlation_time": "10..1000 s", **believed})
     boxed = BoxedCampaign(parse_campaign(content, UNNAMED, UNNAMED))

@@ -28,9 +28,13 @@ def verdict(tuning: Tuning) -> Verdict:
     ]
     if tuning.box is not None and not tuning.box.exact:
         sentences.append(f"The worst of {tuning.box.settings:,} settings; it is no proof.")
-    if tuning.confirmed:
-        sentences.append(f"{tuning.samples:,} samples there: {tuning.confirmed}.")
-    return Verdict("The filter is consistent or pessimistic at every setting that was looked at", "agrees", sentences)
+    if tuning.confirmed == "undecided":
+        sentences.append(f"{tuning.samples:,} samples there do not decide whether it is consistent.")
+    elif tuning.confirmed:
+        sentences.append(f"By {tuning.samples:,} samples there it is {tuning.confirmed}.")
+    if tuning.confirmed == "optimistic":
+        return Verdict("Linear analysis finds no setting optimistic, but samples do", "differs", sentences)
+    return Verdict("With these beliefs the filter is optimistic at no setting that was looked at", "agrees", sentences)
 
 
 def pasted(tuning: Tuning) -> str:
