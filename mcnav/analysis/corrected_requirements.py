@@ -1,6 +1,7 @@
 """Requirements where flights have examined linear analysis: judged linearly, to second order, or not at all.
 
-At the end, where a corrected sigma is known well enough (`CorrectedMoments.improves`):
+At the end, where linear analysis is not shown to hold and a corrected sigma is known well enough
+(`CorrectedMoments.improves`):
 
 - The size of one output has the law of its polynomial of second degree, which is skewed as the output is.
 - Circles, spheres and boxes have the normal law with corrected moments. They are withheld where an output is skewed:
@@ -62,7 +63,8 @@ def _judge(row: LinearRequirement, model: Model, examined: Examination) -> Linea
     if corrected is not None and at_end and not is_rare(size_probability(required)):
         improves = corrected.improves(np.sqrt(np.diag(model.outcome_covariance)))[list(outputs)]
         known = [better or verdict != Linearity.FAILS for better, verdict in zip(improves, verdicts, strict=True)]
-        if improves.any() and all(known):
+        needed = any(verdict != Linearity.HOLDS for verdict in verdicts)
+        if needed and improves.any() and all(known):
             return _to_second_order(row, outputs, model, corrected)
     if Linearity.FAILS in verdicts:
         return withheld(row, NOT_LINEAR)

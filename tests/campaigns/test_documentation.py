@@ -327,7 +327,7 @@ def test_the_python_of_the_readme_answers_what_it_says(capsys: pytest.CaptureFix
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     code = text[text.index("    import mcnav as mc") :]
     names: dict[str, Any] = {}
-    exec(textwrap.dedent(code[: code.index("\nIt answers")]), names)
+    exec(textwrap.dedent(code[: code.index("\nThe comparison says")]), names)
     verdict = names["mc"].compare(names["C"], names["outputs"], names["draws"], names["P"])
     assert str(verdict) in capsys.readouterr().out
     assert (verdict.frame["ratio_paired"] - 1.0).abs().max() < 1e-3
