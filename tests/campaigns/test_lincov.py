@@ -114,7 +114,7 @@ def test_files_of_a_linear_covariance(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diag(stored["correlation"]), 1.0, rtol=1e-12)
     assert len(stored["rows"]) == 60
     text = page.read_text()
-    assert "1 of 4 requirements that are judged without samples is not met" in text
+    assert "1 of 4 requirements that linear analysis can judge is not met" in text
     for figure in ("sigmas", "budget", "development", "correlations"):
         assert f'id="figure-{figure}"' in text
     assert f"{found.sigma[0] / 1e3:.5g}"[:5] in text

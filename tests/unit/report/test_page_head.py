@@ -15,7 +15,8 @@ HOSTILE = "</p></h1><script>alert(1)</script> & <b> \u202e"
 def test_kind_heading_and_first_answer(tone: str) -> None:
     head = [Verdict(HOSTILE, tone, ["further"]), Verdict("the second", "agrees")]
     page = page_html(Page("title", "A kind", f"Heading {HOSTILE}", head))
-    assert page_head(page) == PageHead("A kind", f"Heading {HOSTILE}", HOSTILE, tone)
+    shown = HOSTILE.replace("\u202e", "[U+202E]")  # pages turn no text
+    assert page_head(page) == PageHead("A kind", f"Heading {shown}", shown, tone)
 
 
 def test_an_answer_in_a_section_is_no_answer_of_the_page() -> None:
