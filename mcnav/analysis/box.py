@@ -29,7 +29,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Narrowed:
-    """What it would gain to know a range better.
+    """Gain from knowing a range better.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Box:
     held : tuple of str
         Paths of ranges of which the filter believes the upper end, because the campaign states nothing else.
     narrowed : tuple of Narrowed
-        The ranges, the one that matters most first.
+        The ranges, largest effect first.
     about : int or None
         Number of the requirement that `narrowed` is about: the tightest; none where it is about an output.
     output : int

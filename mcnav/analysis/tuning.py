@@ -1,4 +1,4 @@
-"""What a filter is to believe of a box of campaigns so that its covariance bounds the true errors at every setting."""
+"""Beliefs of a filter whose covariance bounds the true errors at every setting of a box of campaigns."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ IDENTIFIABLE: Final = 10.0
 """Largest ratio of the ends of an interval at which a parameter counts as identified."""
 
 WANTED: Final = 0.2
-"""Relative standard deviation that "T hours would do" is computed for."""
+"""Relative standard deviation to be reached by a longer record, whose length is stated."""
 
 LONGEST_RECORD: Final = 10 * 365.25 * 86_400.0
 """A record longer than this (s) is not advised."""

@@ -1,4 +1,4 @@
-"""The noise models of one axis, fitted to its record: the best of several starts each, and the one that is chosen."""
+"""Fits of noise models to the record of one axis, each the best of several starts, and the choice among them."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class AxisFit:
 
     @property
     def ambiguities(self) -> list[str]:
-        """What the record cannot tell, in words: by each rival."""
+        """List in words the models that the record cannot tell apart."""
         return [ambiguity(self.chosen.model, rival.model) for rival in self.rivals]
 
     @cached_property

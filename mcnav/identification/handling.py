@@ -1,4 +1,4 @@
-"""What a logger or an instrument did to readings before they were stored: held values, and a low-pass filter.
+"""Handling of readings by a logger or an instrument before they were stored: held values, and a low-pass filter.
 
 A value that stands in r rows makes neighbouring rows equal with the probability 1 − 1/r, and rows further apart than r
 only as often as chance does. Readings that are coarse against slow noise repeat over longer and longer distances
@@ -47,7 +47,7 @@ TOWERS: Final = 30.0
 
 @dataclass(frozen=True)
 class Hold:
-    """How readings repeat.
+    """Repetition of readings.
 
     Attributes
     ----------

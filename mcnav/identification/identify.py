@@ -123,7 +123,7 @@ class IdentifiedNoise:
 
     @property
     def limits(self) -> str:
-        """What was done to the readings, and frequencies that the model was fitted to where they are not all."""
+        """State what was done to the readings, and the frequencies of a fit to a part of the band."""
         words = [self.hold.words(self.fitted.record.interval / self.hold.rows)] if self.hold is not None else []
         if self.part:
             words.append(f"fitted below {self.below:.3g} Hz")

@@ -58,7 +58,7 @@ REJECTED: Final = Series("rejected", "rejected updates", FLOWN, "dot")
 
 
 def series_of(dispersion: Dispersion, truth: bool) -> Series:
-    """Return the entry of the key for an ellipse: colours tell methods, lines kinds where the truth is dispersed."""
+    """Return the entry of the key for an ellipse: colour is the method, and line style the kind of a dispersed truth."""
     kind, route = dispersion.kind, dispersion.route
     name = f"{kind}-{route.split()[0].lower()}"
     if route == "filter":

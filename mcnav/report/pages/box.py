@@ -75,7 +75,7 @@ def _shortened(rows: Sequence[SpreadRow]) -> list[SpreadRow]:
 
 
 def range_rows(box: Box) -> list[RangeRow]:
-    """List the ranges, the one that matters most first."""
+    """List the ranges, largest effect first."""
     rows = [
         RangeRow(row.path, box.ranges[row.path], f"{shown_entry(row.low)} to {shown_entry(row.high)}",
                  f"{100.0 * row.gain:.2g} %") for row in box.narrowed
@@ -115,7 +115,7 @@ def box_tables(answer: LinearAnswer) -> list[Part]:
         Column("Gain", lambda row: row.gain, "gain", "words"),
     ]
     caption = "What it would gain at the worst setting to know one range to a factor of two, at most half of it."
-    return [*tables, Table(caption, ranges, range_rows(box), "Ranges, the one that matters most first")]
+    return [*tables, Table(caption, ranges, range_rows(box), "Ranges, largest effect first")]
 
 
 def box_section(answer: LinearAnswer) -> Section | None:
