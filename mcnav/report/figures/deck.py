@@ -58,7 +58,7 @@ REJECTED: Final = Series("rejected", "rejected updates", FLOWN, "dot")
 
 
 def series_of(dispersion: Dispersion, truth: bool) -> Series:
-    """Return the entry of the key for an ellipse: colour is the method, and line style the kind of a dispersed truth."""
+    """Return the entry of the key for an ellipse: colour is the method, line style the kind of a dispersed truth."""
     kind, route = dispersion.kind, dispersion.route
     name = f"{kind}-{route.split()[0].lower()}"
     if route == "filter":
