@@ -106,7 +106,8 @@ def read_schedule(instance: Any, name: str, measurements: tuple[Measurement, ...
         """Tell at which instants something happens."""
         times = at.get(key, np.zeros(0))
         following = np.searchsorted(times, merged - same)
-        return (np.append(times, np.inf)[following] <= merged + same).tolist()
+        happens: list[bool] = (np.append(times, np.inf)[following] <= merged + same).tolist()
+        return happens
 
     # by instant, and within one in the order of the user's lists
     measured = _numbers_by_instant([falls(f"measure {measurement.name}") for measurement in measurements], len(merged))
