@@ -8,7 +8,6 @@ the axis of each window tells by which multiple of psi the track turns: noise of
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -92,7 +91,8 @@ def _turns(recording: Recording) -> Callable[[Array], Array]:
     smooth = np.stack([np.convolve(axis, np.ones(count) / count, "same") for axis in recording.accelerometer.T], axis=1)
     down = -smooth / np.maximum(np.linalg.norm(smooth, axis=1), 1e-9)[:, None]
     angle = np.cumsum(np.sum(recording.gyro * down, axis=1) * widths)
-    return partial(np.interp, xp=np.append(0.0, recording.ends), fp=np.append(0.0, angle))
+    ends, angles = np.append(0.0, recording.ends), np.append(0.0, angle)
+    return lambda instants: np.asarray(np.interp(instants, ends, angles))
 
 
 def _left(still: Array, windows: Array) -> float:
