@@ -139,7 +139,7 @@ def has_code_of_its_own(function: object) -> bool:
 
 
 def test_kernels_of_inertial_navigation_contain_no_copy_of_code_that_is_called_for_itself() -> None:
-    """So they have the same bits compiled and loaded; `tests/cross/test_compiled.py` compares the reference engine's."""
+    """So they have the same bits compiled and loaded; `tests/cross/test_compiled.py` compares the reference engine."""
     functions, copied = 0, set[tuple[str, str]]()
     for module, _ in modules_of_compiled_functions(PACKAGE / "systems" / "ins"):
         for function in functions_of(module):
