@@ -159,6 +159,8 @@ class Sweep:
         Points at which flights have examined linear analysis, in order.
     unexamined : str
         Why others that matter were not examined, a clause; empty where all were.
+    remarks : tuple of str
+        At which setting the campaign's other ranges are.
     gates : str
         What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
         limit is judged.
@@ -182,6 +184,7 @@ class Sweep:
     gates: str = ""
     examined: tuple[tuple[Point, Examination], ...] = ()
     unexamined: str = ""
+    remarks: tuple[str, ...] = ()
 
     @property
     def curves(self) -> bool:

@@ -48,7 +48,7 @@ class BoxedCampaign:
         self.ranges = tuple(spec for spec in self._document.ranges if spec.span.low < spec.span.high)
         self.sheet = data_sheet_numbers(self._document.content, nominal.scenario.sources)
         self.numbers = tuple(_owner(spec, self.sheet) for spec in self.ranges)
-        self._content, self.held = self._with_beliefs()
+        self._content, self.held = self._with_beliefs(self.numbers)
 
     @property
     def upper(self) -> Values:
@@ -79,8 +79,17 @@ class BoxedCampaign:
             problems = [replace(problem, message=f"{problem.message} (with {shown})") for problem in wrong.problems]
             raise CampaignError(problems[:1]) from None
 
-    def _with_beliefs(self) -> tuple[Content, tuple[str, ...]]:
-        """State what the filter believes of the ranges; return those of which the campaign itself does not."""
+    def document_at(self, setting: Setting) -> Document:
+        """Return the campaign file of a setting, which states beliefs of ranges below their upper ends alone."""
+        upper = self.setting(self.upper)
+        paired = zip(self.ranges, self.numbers, strict=True)
+        moved = tuple(number for spec, number in paired if setting[spec.path] != upper[spec.path])
+        content = self._with_beliefs(moved)[0] if moved else self._document.content
+        written = {spec.place: setting[spec.path] for spec in self.ranges}
+        return replace(self._document, content=with_values(content, written), ranges=())
+
+    def _with_beliefs(self, numbers: Sequence[DataSheetNumber | None]) -> tuple[Content, tuple[str, ...]]:
+        """State what the filter believes of numbers; return the ranges of which the campaign itself does not."""
         content, scenario, errors = self._document.content, self.nominal.scenario, self.nominal.errors
         prediction = scenario.filter_prediction() if is_code(content.get("scenario", {}).get("type")) else None
         if not is_tuned(content, scenario.sources, {} if prediction is None else prediction.believed):
@@ -89,7 +98,7 @@ class BoxedCampaign:
         def held(numbers: Sequence[DataSheetNumber]) -> Content:
             return held_beliefs(content, numbers, scenario.sources, errors.mean, errors.covariance)
 
-        owned = {number.path: number for number in self.numbers if number is not None}
+        owned = {number.path: number for number in numbers if number is not None}
         before = held([])
         stated = {path for path, number in owned.items() if held([number]) != before}
         paired = zip(self.ranges, self.numbers, strict=True)

@@ -37,6 +37,7 @@ from mcnav.files.whole import indented_json, write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import sweep as report
 from mcnav.report.pages.sweep_page import page
+from mcnav.studies.boxed_run import at_worst
 from mcnav.studies.confirmation import check_count, choose_points, confirm
 from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.linear_answers import answer_linearly
@@ -126,7 +127,8 @@ class _Study:
         self._plan, self._progress = plan, progress
         progress.phase(Phase.PREPARING)
         self.variables = read_variables(plan.varied, plan.points)
-        self._varied = VariedCampaign(campaign)  # type: ignore[arg-type]
+        document, self._remarks = at_worst(campaign, list(plan.varied))  # type: ignore[arg-type]
+        self._varied = VariedCampaign(document)
         described = self._varied.campaign
         self.outputs = described.scenario.outputs
         self.measures, self.times = _measures(described, plan)
@@ -156,7 +158,7 @@ class _Study:
             arrays["values"], arrays["own"], arrays["bounds"], arrays["margins"], self.points.present.values, just_met,
             added=tuple(self.points.beside(self.points.grid())), exceedances=arrays["exceedances"],
             means=arrays["means"],
-            gates=gates,
+            gates=gates, remarks=self._remarks,
         )  # fmt: skip
         examiner = Examiner(self._plan.examine, perf_counter() - began)
         return examine_sweep(sweep, self.points.campaign_at, examiner)
