@@ -159,11 +159,11 @@ class Sweep:
         Points at which flights have examined linear analysis, in order.
     unexamined : str
         Why others that matter were not examined, a clause; empty where all were.
-    remarks : tuple of str
-        At which setting the campaign's other ranges are.
     gates : str
         What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
         limit is judged.
+    remarks : tuple of str
+        What is to be noticed, a sentence each: at which setting other ranges are, and what holds at some values.
     """
 
     campaign: str

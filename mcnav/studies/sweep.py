@@ -47,6 +47,9 @@ from mcnav.workflow.rejections import doubt_about_gates
 
 JOBS: Final = 2
 
+NEAR: Final = 0.01
+"""Share to which the least value is found at which something is to be noticed."""
+
 ROWS: Final = 5
 """Values of the first of two variables at which the second one is solved for."""
 
@@ -127,7 +130,8 @@ class _Study:
         self._plan, self._progress = plan, progress
         progress.phase(Phase.PREPARING)
         self.variables = read_variables(plan.varied, plan.points)
-        document, self._remarks = at_worst(campaign, list(plan.varied))  # type: ignore[arg-type]
+        document, remarks = at_worst(campaign, list(plan.varied))  # type: ignore[arg-type]
+        self._settled = [f"{remark[:1].upper()}{remark[1:]}." for remark in remarks]
         self._varied = VariedCampaign(document)
         described = self._varied.campaign
         self.outputs = described.scenario.outputs
@@ -158,7 +162,8 @@ class _Study:
             arrays["values"], arrays["own"], arrays["bounds"], arrays["margins"], self.points.present.values, just_met,
             added=tuple(self.points.beside(self.points.grid())), exceedances=arrays["exceedances"],
             means=arrays["means"],
-            gates=gates, remarks=self._remarks,
+            gates=gates,
+            remarks=(*self._settled, *self._remarks()),
         )  # fmt: skip
         examiner = Examiner(self._plan.examine, perf_counter() - began)
         return examine_sweep(sweep, self.points.campaign_at, examiner)
@@ -170,6 +175,32 @@ class _Study:
             if doubt := doubt_about_gates(campaign.scenario, campaign.errors, campaign.tolerance, epochs):
                 return doubt
         return ""
+
+    def _remarks(self) -> tuple[str, ...]:
+        """Return what linear analysis remarks on delays, at the least values of a sweep of them at which it does."""
+        if not any(word in variable.path for variable in self.variables for word in ("delay", "jitter")):
+            return ()
+        *first, last = (variable.values.tolist() for variable in self.variables)
+        corner = tuple(values[-1] for values in first)
+        place = next((number for number, value in enumerate(last) if self._remarks_at((*corner, value))), None)
+        if place is None:
+            return ()
+        least = last[place]
+        if place and not self.variables[-1].words:
+            below = last[place - 1]
+            while least - below > NEAR * least:
+                middle = 0.5 * (below + least)
+                below, least = (below, middle) if self._remarks_at((*corner, middle)) else (middle, least)
+        point = (*corner, least)
+        at = " and ".join(
+            f"{variable.path} = {variable.words[int(value)] if variable.words else f'{value:.3g} {variable.unit}'}"
+            for variable, value in zip(self.variables, point, strict=True)
+        )
+        return tuple(f"From {at} on, {remark}." for remark in self._remarks_at(point))
+
+    def _remarks_at(self, point: Point) -> tuple[str, ...]:
+        campaign = self.points.campaign_at(point)
+        return campaign.scenario.remarks_on(campaign.errors.mean, campaign.errors.covariance)
 
     def _corners(self) -> Iterator[Campaign]:
         """Read the campaigns of the corners."""

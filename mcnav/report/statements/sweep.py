@@ -250,10 +250,10 @@ def mean_words(sweep: Sweep) -> str:
 
 def remarks(sweep: Sweep) -> list[str]:
     """List what must be known of the numbers: points without an answer, measures that a variable does not change."""
-    result = [f"{remark[:1].upper()}{remark[1:]}." for remark in sweep.remarks]
-    result += [] if sweep.confirmations or not sweep.just_met else [NOT_SIMULATED]
+    result = [] if sweep.confirmations or not sweep.just_met else [NOT_SIMULATED]
     if words := examined_words(sweep):
         result.append(words)
+    result += sweep.remarks
     if sweep.gates:
         result.append(f"{sweep.gates}. No limit is judged.")
     if outside := int(np.isinf(sweep.values).any(axis=-1).sum()):
