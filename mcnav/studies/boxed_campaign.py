@@ -13,8 +13,10 @@ from mcnav.config.ranges import SpecRange, with_values
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.config.toml import Content
 from mcnav.config.what_if import held_beliefs, is_tuned
+from mcnav.contract.scenario import Scenario
 from mcnav.errors import CampaignError, Problem
-from mcnav.systems.registry import is_code
+from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
+from mcnav.systems.user.scenario import is_users
 
 Values = tuple[float, ...]
 """Values of the ranges of a box, in their units."""
@@ -91,8 +93,7 @@ class BoxedCampaign:
     def _with_beliefs(self, numbers: Sequence[DataSheetNumber | None]) -> tuple[Content, tuple[str, ...]]:
         """State what the filter believes of numbers; return the ranges of which the campaign itself does not."""
         content, scenario, errors = self._document.content, self.nominal.scenario, self.nominal.errors
-        prediction = scenario.filter_prediction() if is_code(content.get("scenario", {}).get("type")) else None
-        if not is_tuned(content, scenario.sources, {} if prediction is None else prediction.believed):
+        if not is_tuned(content, scenario.sources, _believed(scenario)):
             return content, ()
 
         def held(numbers: Sequence[DataSheetNumber]) -> Content:
@@ -104,6 +105,14 @@ class BoxedCampaign:
         paired = zip(self.ranges, self.numbers, strict=True)
         believed = tuple(spec.path for spec, number in paired if number is not None and number.path in stated)
         return held(list(owned.values())), believed
+
+
+def _believed(scenario: Scenario) -> Mapping[str, float]:
+    """Return what the filter of a user's scenario believes; of a closed loop without its linear system."""
+    if isinstance(scenario, ClosedLoopScenario):
+        return {} if scenario.filter_schema is None else scenario.believed
+    prediction = scenario.filter_prediction() if is_users(scenario) else None
+    return {} if prediction is None else prediction.believed
 
 
 def _owner(spec: SpecRange, numbers: Sequence[DataSheetNumber]) -> DataSheetNumber | None:

@@ -26,7 +26,7 @@ from mcnav.studies.changeable_content import changeable_content
 from mcnav.studies.lincov import Changeable, lincov_page
 from mcnav.studies.linear_answers import linear_covariance
 from mcnav.studies.live_run import REFUSED, RunningCampaign, in_one_line
-from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
+from mcnav.studies.shared_derivatives import SharedDerivatives
 
 MOST: Final = 6
 """Settings that are kept besides the campaign itself."""
@@ -136,7 +136,8 @@ class LiveCampaign:
                 raise CampaignError([Problem(str(self._file), path, message)])
         chosen = [(numbers[path], factor) for path, factor in factors.items() if factor != 1.0]
         content = override(first.content, values_of(chosen), str(self._file))
-        campaign = _along(parse_campaign(content, str(self._file), self._file.stem), first.campaign)
+        read = parse_campaign(content, str(self._file), self._file.stem)
+        campaign = SharedDerivatives(first.campaign).along(read)
         changed = [(each.path, replace(each, entry=each.multiplied(factor)[each.path]).text) for each, factor in chosen]
         tried = self._try(campaign, content, dict(factors), changed)
         self._tried = [first, *_shortened([*self._tried[1:], tried])]
@@ -210,13 +211,6 @@ class LiveCampaign:
     def _signature(self) -> dict[Path, tuple[int, int] | None]:
         """Return time and size of the file and of those that it names; none of one that is not there."""
         return {path: _state_of(path) for path in (self._file, *self._inputs)}
-
-
-def _along(campaign: Campaign, first: Campaign) -> Campaign:
-    """Return a setting of a campaign that uses the derivatives of the campaign again, where its scenario can."""
-    if isinstance(campaign.scenario, ClosedLoopScenario) and isinstance(first.scenario, ClosedLoopScenario):
-        return replace(campaign, scenario=campaign.scenario.along(first.scenario))
-    return campaign
 
 
 def _shortened(tried: list[_Tried]) -> list[_Tried]:

@@ -24,6 +24,7 @@ from mcnav.config.read import Campaign, campaign_from, parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.report.pages.tune import verdict
 from mcnav.report.statements.sweep import remarks
+from mcnav.studies import boxed_run
 from mcnav.studies.allocate import allocate
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
@@ -253,10 +254,14 @@ EARLY: dict[str, Any] = {"aiding.gnss.outages": [["50..85 s", "90 s"]], "aiding.
 """Ranges that are worst at the lower end of one: an outage that begins early."""
 
 
-def test_studies_stand_at_the_worst_setting_and_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_studies_stand_at_the_worst_setting_and_say_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where the upper ends are not the worst: an outage from 50 s on is longer than one from 85 s on."""
     campaign = campaign_with(EARLY)
     nominal = answer_linearly(campaign)
+    box = answer_box(campaign, nominal)
+    monkeypatch.setattr(boxed_run, "_box", lambda boxed: box)  # each of the studies would search it again
     document, (remark,) = at_worst(campaign)
     assert document.content["aiding"][0]["outages"] == [["50.0 s", "90 s"]]
     assert "aiding.gnss.outages.1.1 = 50.0 s" in remark
