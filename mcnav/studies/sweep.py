@@ -43,7 +43,7 @@ from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.sweep_examination import examine_sweep
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
-from mcnav.workflow.rejections import doubt_about_gates
+from mcnav.workflow.rejections import doubt_about_gates, rejections_of
 
 JOBS: Final = 2
 
@@ -172,7 +172,8 @@ class _Study:
         """Say of the campaign, or of the first corner, what rejections of good measurements do to linear analysis."""
         for campaign in (self._varied.campaign, *self._corners()):
             epochs = sorted({epoch for record in campaign.requirements for epoch in record.epochs or ()})
-            if doubt := doubt_about_gates(campaign.scenario, campaign.errors, campaign.tolerance, epochs):
+            _, rejections = rejections_of(campaign.scenario, campaign.errors, campaign.tolerance, epochs)
+            if doubt := doubt_about_gates(rejections, campaign.scenario):
                 return doubt
         return ""
 
