@@ -22,6 +22,7 @@ from mcnav.execution.progress import SILENT, Phase, Progress, duration, note
 from mcnav.files.whole import indented_json, write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import filter_kinds as report
+from mcnav.studies.boxed_run import noted_at_worst
 from mcnav.systems.ins.filter.model import KINDS
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.workflow.cost import LONG, time_of
@@ -83,7 +84,7 @@ def compare_filters(
     """
     progress.phase(Phase.PREPARING)
     kinds, variable = _kinds(plan.kinds), _variable(plan.varied)
-    varied = VariedCampaign(campaign)
+    varied = VariedCampaign(noted_at_worst(campaign, list(plan.varied)))
     scenario = varied.campaign.scenario
     if not is_ins(scenario) or scenario.navigation.filter is None:
         message = "there is no filter of an aided inertial navigation (type = 'ins' with [[aiding]] and [filter])"
