@@ -50,7 +50,7 @@ examples: .venv/installed
 	  run="$(BIN)/mcnav run campaigns/$$name.toml --samples 1000 --jobs 1 --out reports/examples/$$name"; \
 	  $$run >/dev/null 2>&1 || $$run --fresh || exit 1; \
 	done
-	$(BIN)/mcnav index reports/examples
+	$(BIN)/mcnav report --index reports/examples
 	run="$(BIN)/mcnav run campaigns/$(README).toml --jobs 1 --out build/examples/$(README)"; \
 	  mkdir -p build/examples; $$run >/dev/null 2>&1 || $$run --fresh
 	$(BIN)/python -m tests.readme build/examples/$(README)

@@ -43,6 +43,12 @@ def _partials(words: Words) -> Words:
     return ["sweep", "--vary", "start", "--confirm", "0", *others]
 
 
+def _index(words: Words) -> Words:
+    """Let the folder be the value of ``--index``; it was ``reports`` where none was named."""
+    folder = next((word for word in words if not word.startswith("-")), "reports")
+    return ["report", "--index", folder, *(word for word in words if word != folder)]
+
+
 FORMER: Final[dict[str, Callable[[Words], Words]]] = {
     "check-scenario": _as("check"),
     "trajectory": _as("check", "--trajectory"),
@@ -50,6 +56,7 @@ FORMER: Final[dict[str, Callable[[Words], Words]]] = {
     "linearity": _as("sweep", "--scale"),
     "start-times": _as("sweep", "--vary", "start"),
     "figure": _figure,
+    "index": _index,
     "imu": _as("docs", "imu"),
     "record": _as("judge", "--record"),
     "schema": _as("dev", "schema"),

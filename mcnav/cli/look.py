@@ -17,6 +17,7 @@ from mcnav.cli.options import (
     Folder,
     Folders,
     FormatOption,
+    PerhapsFolders,
     UnitsOption,
     out_folder,
 )
@@ -38,8 +39,12 @@ from mcnav.cli.program import CHECK_FAILED, command, failure
 
 @command()
 def report(
-    folders: Folders,
-    show: Annotated[bool, typer.Option("--open", help="Open the reports in the browser.")] = False,
+    folders: PerhapsFolders = None,
+    index: Annotated[
+        Path | None,
+        typer.Option("--index", metavar="FOLDER", help="List all runs of this folder and below it on its index.html."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--open", help="Open the pages in the browser.")] = False,
     remedies: Annotated[
         bool, typer.Option("--remedies", help="Compute every remedy where something fails; simulate the best.")
     ] = False,
@@ -48,14 +53,16 @@ def report(
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Of --remedies: parallel jobs.")] = 2,
 ) -> None:
-    """Analyse finished runs again and write their reports.
+    """Analyse finished runs again, write their reports, or list runs.
 
     Example: mcnav report reports/11_cruise --open
     """
     from mcnav.report.terminal import progress
     from mcnav.workflow.analyse import report_run
 
-    for folder in folders:
+    if not folders and index is None:
+        raise failure("mcnav report needs a run folder, or --index with a folder of runs")
+    for folder in folders or ():
         if remedies:
             from mcnav.studies.run_remedies import add_remedies
 
@@ -67,7 +74,21 @@ def report(
         print_line(f"report: {written}")
         if show:
             open_page(written)
-    print_next(next_command.written("compare" if len(folders) > 1 else "show", *folders))
+    if index is not None:
+        _list_runs(index, show)
+    elif folders:
+        print_next(next_command.written("compare" if len(folders) > 1 else "show", *folders))
+
+
+def _list_runs(folder: Path, show: bool) -> None:
+    """Write the list of all runs of a folder; open it."""
+    from mcnav.workflow.index import write_index
+
+    page, count, foremost = write_index(folder)
+    print_line(f"{count} runs\n\nwritten: {page}")
+    if show:
+        open_page(page)
+    print_next(next_command.after_index(foremost))
 
 
 @command()
@@ -313,25 +334,6 @@ def replay(
     print_next(next_command.written("show", folder))
     if not replaying.as_stored(result):
         raise failure(f"the outcome of sample {index} differs from the stored one", CHECK_FAILED)
-
-
-@command()
-def index(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that contains run folders.")] = Path(
-        "reports"
-    ),
-) -> None:
-    """List all runs of a folder and below it on a page.
-
-    The page is index.html in that folder.
-
-    Example: mcnav index reports
-    """
-    from mcnav.workflow.index import write_index
-
-    written, count, foremost = write_index(folder)
-    print_line(f"{count} runs\n\nwritten: {written}")
-    print_next(next_command.after_index(foremost))
 
 
 @command()

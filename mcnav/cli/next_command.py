@@ -76,7 +76,7 @@ def after_comparison(folders: Sequence[Path], page: Path | None) -> str:
     """Return the command after a comparison: its page, or the list of the runs beside the only one."""
     if len(folders) > 1 and page is None:
         return written("compare", *folders, "--out", folders[0].parent)
-    return written("index", folders[0].parent)
+    return written("report", "--index", folders[0].parent)
 
 
 def after_index(runs: Sequence[Path]) -> str:
@@ -104,7 +104,7 @@ def after_allocation(campaign: Path, result: Allocation) -> str:
 def after_sweep(campaign: Path, folder: Path, vary: Sequence[str], against: Sequence[str], confirm: int | None) -> str:
     """Return the command after a sweep: some of its points by Monte Carlo, or the runs of those."""
     if confirm:
-        return written("index", folder)
+        return written("report", "--index", folder)
     words: list[object] = ["sweep", campaign]
     for option, values in (("--vary", vary), ("--against", against)):
         for value in values:

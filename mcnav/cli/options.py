@@ -48,6 +48,9 @@ CampaignFile = Annotated[
 ]
 Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=completion.runs)]
 Folders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", autocompletion=completion.runs)]
+PerhapsFolders = Annotated[
+    list[Path] | None, typer.Argument(metavar="[RUN...]", help="Run folders.", autocompletion=completion.runs)
+]
 FormatOption = Annotated[
     Format, typer.Option("--format", help="Print a table, or only CSV or JSON in full precision on stdout.")
 ]

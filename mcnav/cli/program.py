@@ -41,7 +41,7 @@ LONGEST_CHOICE = 60
 GROUPS: Final = {
     "Start": ("demo", "new", "check", "run", "docs"),
     "Analyse": ("lincov", "sweep", "allocate", "tune", "identify", "judge", "filters"),
-    "Look": ("show", "live", "report", "brief", "compare", "index", "export", "replay"),
+    "Look": ("show", "live", "report", "brief", "compare", "export", "replay"),
     "Documents": ("reproduce",),
 }
 """Commands in the order and under the headings of ``mcnav --help``; those of ``mcnav dev`` are not listed."""

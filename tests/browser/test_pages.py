@@ -166,7 +166,7 @@ def test_for_everyone(browser: Browser, page_of: Callable[[str], Path], kind: st
     """
     head = page_head(page_of(kind).read_bytes()[: index.BEGINNING].decode("utf-8", errors="replace"))
     assert head is not None
-    assert head.kind  # what `mcnav index` lists of it
+    assert head.kind  # what `mcnav report --index` lists of it
     assert head.heading
     with browser.opened(page_of(kind), 1280) as page:
         _unfold(page)

@@ -86,7 +86,7 @@ def test_a_run_says_the_mean_first(switched: Path) -> None:
 
 
 def test_other_pages_say_the_mean_first(switched: Path) -> None:
-    in_process("index", switched)
+    in_process("report", "--index", switched)
     page = (switched / "index.html").read_text(encoding="utf-8")
     assert page.index(FIRST) < page.index(VERDICT)
     assert "means above one sigma" in page

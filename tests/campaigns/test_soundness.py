@@ -211,7 +211,7 @@ def test_forced_it_is_said_on_top_of_everything(tmp_path: Path) -> None:
         assert page.index(words) < page.index("<section")
         assert "No: the linear" not in page
         report_run(folder)
-    assert in_process("index", tmp_path / "runs").exit_code == 0
+    assert in_process("report", "--index", tmp_path / "runs").exit_code == 0
     assert words in (tmp_path / "runs" / "index.html").read_text()
     compared = " ".join(in_process("compare", folder).output.split())
     assert compared.startswith(f"{folder}: {words}".replace("\n", " "))

@@ -56,7 +56,7 @@ COMMANDS: Final[dict[str, list[str]]] = {
     "export": ["export", "RUN", "--out", "OUT/export"],
     "figure": ["export", "RUN", "--figure", "scatter", "--out", "OUT/scatter.svg"],
     "replay": ["replay", "RUN", "3"],
-    "index": ["index", "PARENT"],
+    "index": ["report", "--index", "PARENT"],
     "sweep": ["sweep", "RUN", "--vary", "errors.altitude=1..2 km", "--out", "OUT/sweep"],
     "lincov": ["lincov", "RUN", "--out", "OUT/lincov"],
 }

@@ -163,8 +163,9 @@ OPTIONS = {
     "a report of a file": (["report", "good.toml"], "good.toml: holds no run"),
     "a comparison with nothing": (["compare", "nowhere"], "nowhere: holds no run (there is no such folder)"),
     "a replay of nothing": (["replay", "nowhere", "1"], "nowhere: holds no run"),
-    "an index of nothing": (["index", "nowhere"], "nowhere: is no folder; expected one that contains run folders"),
-    "an index of a file": (["index", "good.toml"], "good.toml: is no folder; expected"),
+    "an index of nothing": (["report", "--index", "nowhere"], "nowhere: is no folder; expected one that contains"),
+    "a report without a run": (["report"], "mcnav report needs a run folder, or --index with a folder of runs"),
+    "an index of a file": (["report", "--index", "good.toml"], "good.toml: is no folder; expected"),
     "axes of cruise": (
         ["sweep", "cruise.toml", "--vary", "start", "--axes", "trajectory"],
         "cruise.toml: start_times.axes: got 'trajectory'; axes of a steady flight are aligned at each start",

@@ -60,7 +60,8 @@ def test_a_sweep_is_confirmed_with_its_own_options() -> None:
     found = next_command.after_sweep(CAMPAIGN, Path("out"), ["a.b=1..5 m"], ["heading < 1 mrad"], None)
     options = ["--vary", "a.b=1..5 m", "--against", "heading < 1 mrad", "--confirm", "3", "--out", "out"]
     assert accepted(found) == ["sweep", str(CAMPAIGN), *options]
-    assert accepted(next_command.after_sweep(CAMPAIGN, Path("out"), ["a.b=1..5 m"], [], 3)) == ["index", "out"]
+    confirmed = next_command.after_sweep(CAMPAIGN, Path("out"), ["a.b=1..5 m"], [], 3)
+    assert accepted(confirmed) == ["report", "--index", "out"]
 
 
 @pytest.mark.parametrize(("now", "needed"), [("3 km", "3 km"), ("", "2 km"), ("3 km", "")])
