@@ -79,7 +79,8 @@ $(BIN)/python:
 	$(BIN)/python -m tests.benchmarks.install $@
 
 # The wheel, with machine code for two levels of processors of which this one must have the higher, and the source
-# distribution, into dist/.
+# distribution, into dist/; beside them what they need, at the versions of .ci/constraints.txt: requirements.txt with
+# hashes, and a software bill of materials in the format of CycloneDX.
 OBJECTS := mcnav/compiled/objects
 dist: .venv/installed
 	$(PIP) build
@@ -88,6 +89,13 @@ dist: .venv/installed
 	$(BIN)/python -m build --sdist
 	$(BIN)/python -m build --wheel
 	rm -rf $(OBJECTS)
+	$(PYTHON) -m venv --clear build/tools
+	build/tools/bin/python -m pip --disable-pip-version-check install --quiet cyclonedx-bom pip-tools
+	build/tools/bin/pip-compile --quiet --strip-extras --generate-hashes --no-header --no-annotate --no-emit-index-url \
+	  --no-emit-find-links --no-emit-trusted-host --constraint .ci/constraints.txt \
+	  --output-file dist/requirements.txt pyproject.toml
+	build/tools/bin/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible \
+	  --output-file dist/mcnav.cdx.json dist/requirements.txt
 
 clean:
 	rm -rf .venv build dist mcnav.egg-info

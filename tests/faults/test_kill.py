@@ -36,15 +36,25 @@ def _run(arguments: list[object], folder: Path, jobs: int) -> dict[str, str]:
     return digests(folder)
 
 
+@pytest.fixture(scope="module")
+def held(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[object], dict[str, str]]:
+    """A folder, the arguments of the held run in it, and what is stored of one that nothing holds."""
+    place = tmp_path_factory.mktemp("held")
+    arguments = _held(place)
+    (place / GO).touch()
+    return place, arguments, _run(arguments, place / "undisturbed", 1)
+
+
 @pytest.mark.parametrize(
     ("sign", "status", "jobs"), [(signal.SIGKILL, -9, 2), (signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 1)]
 )
-def test_resume_after_a_signal(sign: signal.Signals, status: int, jobs: int, tmp_path: Path) -> None:
+def test_resume_after_a_signal(
+    sign: signal.Signals, status: int, jobs: int, held: tuple[Path, list[object], dict[str, str]]
+) -> None:
     """A command with workers of its own, none of which is left; it is resumed by two, and undisturbed by one."""
-    arguments, folder = _held(tmp_path), tmp_path / "run"
-    (tmp_path / GO).touch()
-    undisturbed = _run(arguments, tmp_path / "undisturbed", 1)
-    (tmp_path / GO).unlink()
+    place, arguments, undisturbed = held
+    folder = place / sign.name
+    (place / GO).unlink(missing_ok=True)
     started = command(*arguments, "--no-report", "--jobs", jobs, "--out", folder)
     with running(started, env=environment()) as process:
         wait_for(lambda: digests(folder), process)
@@ -56,7 +66,7 @@ def test_resume_after_a_signal(sign: signal.Signals, status: int, jobs: int, tmp
     assert left.items() <= undisturbed.items()
     if sign != signal.SIGKILL:
         assert said == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
-    (tmp_path / GO).touch()
+    (place / GO).touch()
     assert _run(arguments, folder, 2) == undisturbed
 
 
