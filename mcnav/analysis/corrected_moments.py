@@ -43,6 +43,8 @@ class CorrectedMoments:
         Mean NEES of all outputs with the linear covariance; NaN where no output varies.
     laws : tuple of QuadraticForm
         Of each output.
+    added_by_pairs : ndarray, shape (outputs, r, r)
+        What pairs of principal directions of the sources add to the linear variances.
     """
 
     mean: Array
@@ -54,6 +56,7 @@ class CorrectedMoments:
     nees: float
     nees_error: float
     laws: tuple[QuadraticForm, ...]
+    added_by_pairs: Array
 
     def improves(self, linear: Array) -> NDArray[np.bool_]:
         """Tell which sigmas are known to less than half of their correction of the linear ones, shape (outputs,)."""
@@ -95,5 +98,5 @@ def corrected_moments(model: Model, order: SecondOrder, examined: Examination) -
     return CorrectedMoments(
         mean, np.abs(mean - about - shift) + shift_half, sigma, np.abs(sigma - seen) + 0.5 * (high - low), covariance,
         np.divide(np.abs(sigma - without), without, out=np.zeros_like(sigma), where=without > 0.0),
-        nees, nees_error, laws,
+        nees, nees_error, laws, order.added_by_pairs,
     )  # fmt: skip

@@ -162,6 +162,8 @@ class Sweep:
     gates : str
         What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
         limit is judged.
+    remarks : tuple of str
+        What is to be noticed at some values, a sentence each.
     """
 
     campaign: str
@@ -182,6 +184,7 @@ class Sweep:
     gates: str = ""
     examined: tuple[tuple[Point, Examination], ...] = ()
     unexamined: str = ""
+    remarks: tuple[str, ...] = ()
 
     @property
     def curves(self) -> bool:

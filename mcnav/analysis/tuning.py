@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mcnav.analysis.box import Box, Setting
+from mcnav.analysis.remedies import DOUBTED
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,11 @@ class Tuning:
     confirmed : str
         Verdict of samples on the filter there; empty where none was asked for.
     samples : int
+    linearity : str
+        Whether linear analysis holds with the chosen beliefs, where they are closest to optimistic and at the upper
+        ends, by flights; empty where it was not examined.
+    unexamined : str
+        Why it was not, a clause; empty where it was, or nobody asked.
     """
 
     campaign: str
@@ -115,6 +121,13 @@ class Tuning:
     worst: Setting
     confirmed: str = ""
     samples: int = 0
+    linearity: str = ""
+    unexamined: str = ""
+
+    @property
+    def doubted(self) -> bool:
+        """Return whether neither flights nor samples show that the chosen beliefs are right."""
+        return self.linearity in DOUBTED and self.confirmed not in ("consistent", "pessimistic")
 
     @property
     def believes(self) -> Mapping[str, Any]:

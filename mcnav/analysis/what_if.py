@@ -276,6 +276,11 @@ class WhatIf:
     gates : str
         What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
         requirement is judged.
+    bends : tuple of Term
+        What two numbers add to the variances of the outputs at the end to second order, shape (outputs,): multiplied by
+        the *squares* of their factors. Empty where flights have not shown it.
+    departure : float
+        Of a sigma ratio from one, from which linear analysis is not said to hold.
     """
 
     campaign: ChangeableCampaign
@@ -286,6 +291,8 @@ class WhatIf:
     estimable: tuple[str, ...] = ()
     scales: tuple[float, ...] = ()
     gates: str = ""
+    bends: tuple[Term, ...] = ()
+    departure: float = 0.0
 
     @property
     def known_scales(self) -> tuple[float, ...]:

@@ -268,6 +268,7 @@ def tune(
     samples: Annotated[
         int | None, typer.Option("--samples", "-n", min=2, help="Samples of it [default: the file's].")
     ] = None,
+    examine: Examine = None,
     jobs: Jobs = 2,
     folder: Annotated[Path | None, out_folder("reports/NAME_tune")] = None,
 ) -> None:
@@ -287,7 +288,7 @@ def tune(
 
     with progress.shown(err) as shown:
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_tune")
-        result = find_beliefs(read_campaign(campaign), cost, confirm, samples, jobs, shown)
+        result = find_beliefs(read_campaign(campaign), cost, confirm, samples, jobs, shown, examine)
         files = write_tuning(result, target)
     out.print(printed(tables.terminal(result)))
     if result.believes:

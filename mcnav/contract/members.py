@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from typing import Any, Final, Protocol
+from weakref import WeakKeyDictionary
 
 from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, HistoryEngine, ScalableEngine
@@ -45,7 +46,26 @@ def members(protocol: type) -> Mapping[str, Any]:
 
 
 def lacks(instance: object, protocol: type) -> list[str]:
-    """Return what an object lacks of a protocol, a line for each member; no property is computed."""
+    """Return what an object lacks of a protocol, a line for each member; no property is computed.
+
+    A class is looked at once for all objects that have the same attributes and no method of their own, because a sweep
+    reads its campaign some hundred times.
+    """
+    wanted = members(protocol)
+    own = frozenset(wanted.keys() & getattr(instance, "__dict__", {}).keys())
+    if any(inspect.isfunction(wanted[name]) for name in own):
+        return _lines(instance, protocol)
+    known = _KNOWN.setdefault(type(instance), {})
+    if (protocol, own) not in known:
+        known[protocol, own] = _lines(instance, protocol)
+    return known[protocol, own]
+
+
+_KNOWN: Final[WeakKeyDictionary[type, dict[tuple[type, frozenset[str]], list[str]]]] = WeakKeyDictionary()
+"""What objects of a class lack, by protocol and by the members that are attributes of the object."""
+
+
+def _lines(instance: object, protocol: type) -> list[str]:
     kind = type(instance)
     given = {**dict(inspect.getmembers_static(kind)), **getattr(instance, "__dict__", {})}
     lines = []
@@ -59,7 +79,7 @@ def lacks(instance: object, protocol: type) -> list[str]:
 
 def lacks_scenario(scenario: Scenario) -> list[str]:
     """Return what a scenario lacks of `Scenario`, and of what it says that it can, a line for each member."""
-    lines = lacks(scenario, Scenario)
+    lines = list(lacks(scenario, Scenario))
     for capability, protocol in PROTOCOLS.items() if not lines else ():
         if capability in scenario.can:
             lines += lacks(scenario, protocol)

@@ -36,17 +36,28 @@ def is_worker() -> bool:
 def follow_parent(parent: int) -> None:
     """End this process when its parent ends, even when the parent is killed.
 
-    On Linux the kernel ends it at once; elsewhere a thread checks the parent twice a second.
+    On Linux the kernel ends it at once; elsewhere a thread notices it within half a second.
     """
-    if sys.platform == "linux":
+    if sys.platform == "linux" and hasattr(signal, "SIGKILL"):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
     def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
+        _wait_for_end(parent)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _wait_for_end(parent: int, number_stays: bool = os.name == "nt") -> None:
+    """Wait until the parent has ended. On Windows a process keeps the number of a parent that has ended."""
+    from multiprocessing import connection, parent_process  # commands that start no process do without
+
+    ends = getattr(parent_process(), "sentinel", None)
+    if number_stays and ends is not None:
+        connection.wait([ends])
+        return
+    while os.getppid() == parent:
+        time.sleep(0.5)
 
 
 def start_trackers() -> None:

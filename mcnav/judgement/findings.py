@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -133,11 +134,6 @@ class Changes:
     sizes: Mapping[int, float] = field(default_factory=dict)
 
     @property
-    def settled(self) -> tuple[str, ...]:
-        """Names of the constant errors."""
-        return tuple(self.errors)
-
-    @property
     def changed(self) -> FilteredRecord:
         """The record of the changed campaign."""
         record = self.record
@@ -147,6 +143,11 @@ class Changes:
             if offset.name in self.errors:
                 record = with_error(record, offset.states, self.errors[offset.name])
         return record
+
+    @cached_property
+    def naming(self) -> Naming:
+        """The candidates of the changed campaign; the constant errors are free in everything."""
+        return Naming(self.changed, tuple(self.errors))
 
     def with_delay(self, sensor: str, delay: float, again: Again | None) -> Changes:
         """Move the stamps of a sensor back: to second order, what is left of the delay is a constant error."""
@@ -191,12 +192,11 @@ def find_numbers(
     verdicts = {number.name: number for number in numbers}
     findings, changes = list[Finding](), Changes(record)
     while len(findings) < MOST_NUMBERS:
-        naming = Naming(changes.changed, changes.settled)
-        named = naming.foremost()
+        named = changes.naming.foremost()
         if named is None or any(finding.number.name == named.candidate.name for finding in findings):
             break
-        rivals = _rivals(naming, named, changes, verdicts, again, drops or {})
-        number, changes = _estimated(naming, named.candidate, changes, verdicts, again, drops or {})
+        rivals = _rivals(named, changes, verdicts, again, drops or {})
+        number, changes = _estimated(named.candidate, changes, verdicts, again, drops or {})
         findings.append(Finding(number, rivals, changes.left(*settings)))
         if findings[-1].left > LEVEL:
             break
@@ -205,28 +205,28 @@ def find_numbers(
 
 def find_first(record: FilteredRecord, again: Again | None) -> tuple[Finding, Changes] | None:
     """Name the foremost number alone, without asking what is left once it is changed: that probability is NaN."""
-    naming = Naming(record)
-    named = naming.foremost()
+    changes = Changes(record)
+    named = changes.naming.foremost()
     if named is None:
         return None
-    rivals = _rivals(naming, named, Changes(record), {}, again, {})
-    number, changes = _estimated(naming, named.candidate, Changes(record), {}, again, {})
+    rivals = _rivals(named, changes, {}, again, {})
+    number, changes = _estimated(named.candidate, changes, {}, again, {})
     return Finding(number, rivals, np.nan), changes
 
 
 def _rivals(
-    naming: Naming, named: Named, changes: Changes, verdicts: Mapping[str, CauseVerdict | OffsetVerdict],
+    named: Named, changes: Changes, verdicts: Mapping[str, CauseVerdict | OffsetVerdict],
     again: Again | None, drops: Mapping[int, float],
 ) -> tuple[CauseVerdict | OffsetVerdict, ...]:  # fmt: skip
-    return tuple(_estimated(naming, rival, changes, verdicts, again, drops)[0] for rival in named.rivals)
+    return tuple(_estimated(rival, changes, verdicts, again, drops)[0] for rival in named.rivals)
 
 
 def _estimated(
-    naming: Naming, candidate: Candidate, changes: Changes, verdicts: Mapping[str, CauseVerdict | OffsetVerdict],
+    candidate: Candidate, changes: Changes, verdicts: Mapping[str, CauseVerdict | OffsetVerdict],
     again: Again | None, drops: Mapping[int, float],
 ) -> tuple[CauseVerdict | OffsetVerdict, Changes]:  # fmt: skip
     """Estimate a number, and return it with what it changes beside the others."""
-    verdict = verdicts.get(candidate.name)
+    naming, verdict = changes.naming, verdicts.get(candidate.name)
     if candidate.cause is not None:
         factor = naming.scan.factors({candidate.cause: drops.get(candidate.cause, DROP)})[candidate.cause]
         cause = verdict if isinstance(verdict, CauseVerdict) else _absent_cause(naming.record, candidate)
@@ -237,8 +237,7 @@ def _estimated(
     if candidate.name.endswith(DELAY) and again is not None:
         moved_by, _ = _estimates(naming, candidate.free)
         changes = changes.with_delay(candidate.name.removesuffix(DELAY), float(moved_by[0]), again)
-        naming = Naming(changes.changed, changes.settled)
-    values, sigmas, beside_arm = _beside_arm(naming, candidate, float(moved_by[0]))
+    values, sigmas, beside_arm = _beside_arm(changes.naming, candidate, float(moved_by[0]))
     offset = replace(
         offset, estimate=tuple((moved_by + values).tolist()), sigma=tuple(sigmas.tolist()), gain=candidate.gain,
         beside_arm=beside_arm,

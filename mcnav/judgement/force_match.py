@@ -22,6 +22,7 @@ from scipy import stats
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import RecordedMeasurements, Recording
 from mcnav.judgement.chance import FALSE_ALARM, is_clear
+from mcnav.judgement.clocks import EXPLAINED, TIMES_WORSE, clear_lag, describe_lag
 from mcnav.judgement.local_track import local_metres
 from mcnav.physics.constants import STANDARD_GRAVITY
 
@@ -34,23 +35,8 @@ INTERVAL: Final = 2.0
 LONG_INTERVAL: Final = 6.0
 """Half of the time over which positions are differenced twice, s."""
 
-LAGS: Final = np.arange(-40.0, 40.0 + 0.1, 0.25)
-"""Lags of the clocks that are tried, s."""
-
-LEAST_LAG: Final = 0.7
-"""Lag from which clocks are refused, s; a smaller one is a delay, which the filter's innovations tell better."""
-
-TIMES_WORSE: Final = 4.0
-"""Ratio of what is left of squares from which a lag, or a reflection, is the better one."""
-
-EXPLAINED: Final = 0.3
-"""Share of the squares of a track's accelerations that may be left where it is that of the readings."""
-
 FEWEST: Final = 8.0
 """Differences that do not overlap below which nothing is said: the noise of so few may fit anywhere."""
-
-LEAP: Final = 18.0
-"""Seconds by which GPS time is ahead of UTC since 2017."""
 
 DRIFT: Final = np.radians(10.0)
 """Heading error that drifting gyros and a wrong vertical may cause in a window, rad."""
@@ -149,6 +135,11 @@ class ForceMatch:
         squares = [np.sum((self.gained[rows] - self.gained[rows].mean(axis=0)) ** 2) for rows in self._windows]
         return float(np.sum(squares)) / len(self.gained)
 
+    @cached_property
+    def agrees(self) -> bool:
+        """Return whether the accelerations of both agree by the clocks as they are."""
+        return self.left(0.0)[0] <= EXPLAINED * self.moved
+
     @property
     def freedom(self) -> float:
         """Degrees of freedom of what is left: three of each difference that does not overlap, less three a window."""
@@ -218,28 +209,10 @@ def _rotation(by_readings: Array, by_track: Array) -> tuple[Array, float]:
 
 def clock_fault(match: ForceMatch) -> str:
     """Say that the track has another clock than the readings, where their motion tells by more than a delay."""
-    at_zero, count = match.left(0.0)
-    fits = [match.left(lag) for lag in LAGS]
-    enough = [number >= 0.5 * len(match.gained) for _, number in fits]
-    if not any(enough) or not count or match.independent < FEWEST:
+    if match.independent < FEWEST:
         return ""
-    best = min((n for n in range(len(LAGS)) if enough[n]), key=lambda n: fits[n][0])
-    fine = LAGS[best] + np.linspace(-0.25, 0.25, 11)
-    lag = float(min(fine, key=lambda shift: match.left(float(shift))[0]))
-    least = match.left(lag)[0]
-    clear = is_clear(at_zero, least, match.freedom, len(LAGS) + len(fine))
-    if abs(lag) < LEAST_LAG or at_zero < TIMES_WORSE * least or not clear or least > EXPLAINED * match.moved:
-        return ""
-    side = "late" if lag > 0.0 else "early"
-    whole = abs(lag - round(lag)) < 0.2
-    if abs(abs(lag) - LEAP) < 0.4:
-        why = "the leap seconds between GPS time and UTC"
-    else:
-        why = "a whole second" if whole and round(abs(lag)) == 1 else "whole seconds" if whole else "other clocks"
-    return (
-        f"its stamps are {abs(lag):.3g} s {side} against the readings: {why}; the accelerations of both agree at that "
-        "shift"
-    )
+    lag = clear_lag(match.left, len(match.gained), match.freedom, match.moved)
+    return "" if lag is None else describe_lag(lag, "the readings", "the accelerations")
 
 
 def mirror_fault(match: ForceMatch) -> str:

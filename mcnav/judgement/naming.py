@@ -28,6 +28,11 @@ TOLD_APART: Final = float(np.log(20.0))
 """Difference of gains below which two candidates are not told apart: a ratio of likelihoods of twenty."""
 
 
+def _limit(freedom: int) -> float:
+    """Return the gain from which a candidate stands."""
+    return 0.5 * float(chi2.isf(STANDS, freedom))
+
+
 @dataclass(frozen=True)
 class Candidate:
     """What may be wrong.
@@ -67,7 +72,7 @@ class Candidate:
     @property
     def stands(self) -> bool:
         """Return whether it is no image of another one."""
-        limit = 0.5 * float(chi2.isf(STANDS, self.freedom))
+        limit = _limit(self.freedom)
         return not self.at_end and self.gain + self.freedom > limit and self.lasting > limit
 
 
@@ -106,8 +111,7 @@ class Naming:
                 continue
             free = scan.columns[offset.name]
             gain = scan.highest(free) - scan.highest(NOTHING)
-            lasting = min(self._lasting(free, NOTHING), self._lasting(free, self.beside(offset.name)))
-            yield Candidate(offset.name, None, number, free, gain - len(free), lasting)
+            yield Candidate(offset.name, None, number, free, gain - len(free), self._lasting_beside(offset.name))
 
     def beside(self, name: str) -> IndexArray:
         """Return the errors that are free beside a constant one: a sensor's arm beside its delay, and the reverse."""
@@ -117,10 +121,21 @@ class Naming:
                 return NOTHING if partner in self.scan.settled else self.scan.columns.get(partner, NOTHING)
         return NOTHING
 
+    def _lasting_beside(self, name: str) -> float:
+        """Return what a constant error gains with any one size free, and its partner where that gains beside it.
+
+        At constant speed a delay and an arm are one: neither gains beside the other, and both stand.
+        """
+        free, partner = self.scan.columns[name], self.beside(name)
+        alone = self._lasting(free, NOTHING)
+        if not len(partner) or self._lasting(partner, free) <= _limit(len(partner)):
+            return alone
+        return min(alone, self._lasting(free, partner))
+
     def stands_beside(self, errors: IndexArray, others: IndexArray) -> bool:
         """Return whether constant errors gain with others free."""
         gain = self.scan.highest(np.concatenate([errors, others])) - self.scan.highest(others)
-        return gain > 0.5 * float(chi2.isf(STANDS, len(errors)))
+        return gain > _limit(len(errors))
 
     def _lasting(self, free: IndexArray, others: IndexArray) -> float:
         """Return the gain of constant errors with others, and any one size, free besides."""

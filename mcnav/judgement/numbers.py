@@ -63,7 +63,7 @@ def with_intervals(
         Fall of the log-likelihood at the ends of the interval of each size that is estimated, by cause.
     """
     named = {finding.number.name: _with_doubt(finding) for finding in findings}
-    scan = Scan(changes.changed, changes.settled)
+    scan = changes.naming.scan
     factors = {scan.record.causes[number].name: factor for number, factor in scan.factors(drops).items()}
     sizes = tuple(
         number if isinstance(number, CauseVerdict) else replace(cause, factor=factors.get(cause.name))

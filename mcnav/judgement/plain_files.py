@@ -17,7 +17,7 @@ from mcnav.contract.recorded import RecordedMeasurements, Recording
 from mcnav.judgement.column_match import velocity_fault
 from mcnav.judgement.force_match import ForceMatch, clock_fault, heading_fault, mirror_fault
 from mcnav.judgement.local_track import local_metres, speeds
-from mcnav.judgement.turn_match import turn_fault
+from mcnav.judgement.turn_match import turn_clock_fault, turn_fault
 from mcnav.physics.constants import STANDARD_GRAVITY
 
 IMU: Final = "imu"
@@ -76,6 +76,8 @@ def find_fault(recording: Recording, position_sigma: float = 0.0, heading_sigma:
     for name, measured in recording.measurements.items():
         match = ForceMatch.of(recording, measured)
         if match is not None and (message := clock_fault(match) or mirror_fault(match)):
+            return Fault(name, message)
+        if (match is None or not match.agrees) and (message := turn_clock_fault(recording, measured)):
             return Fault(name, message)
         if message := turn_fault(recording, measured):
             return Fault(IMU, message)

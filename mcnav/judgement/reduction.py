@@ -17,6 +17,35 @@ def present(record: FilteredRecord) -> tuple[int, ...]:
     return tuple(number for number, cause in enumerate(record.causes) if not cause.absent)
 
 
+def without_idle(record: FilteredRecord) -> FilteredRecord:
+    """Return the record, for its covariances alone, without the errors that stay zero.
+
+    Neither their start nor a process nor another error moves them. The sources at the start are all left.
+    """
+    moved = (record.mean != 0.0) | np.any((record.to_states @ record.initial) != 0.0, axis=1)
+    for stage in record.stages:
+        for part in stage.processes:
+            moved[part.places] = True
+    count = -1
+    while count != np.count_nonzero(moved):
+        count = int(np.count_nonzero(moved))
+        for stage in record.stages:
+            if stage.transition is not None:
+                moved |= np.any(stage.transition[:, moved] != 0.0, axis=1)
+    if moved.all():
+        return record
+    places, new_places = np.flatnonzero(moved), np.cumsum(moved) - 1
+    stages = tuple(
+        replace(
+            stage, transition=None if stage.transition is None else stage.transition[np.ix_(places, places)],
+            response=stage.response[:, places],
+            processes=tuple(replace(part, places=new_places[part.places]) for part in stage.processes),
+        )
+        for stage in record.stages
+    )  # fmt: skip
+    return replace(record, stages=stages, offsets=(), mean=record.mean[places], to_states=record.to_states[places])
+
+
 def with_causes(record: FilteredRecord, kept: Collection[int]) -> FilteredRecord:
     """Return the record with some of its causes alone, in order, and without the states of the others.
 

@@ -11,8 +11,8 @@ Sizes of errors at the start alone need no pass of their own (`rescale_start`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -31,7 +31,7 @@ from mcnav.judgement.likelihood import (
     without_mean,
 )
 from mcnav.judgement.profile import Factor, Profile, Sums, merged
-from mcnav.judgement.reduction import present, with_causes
+from mcnav.judgement.reduction import present, with_causes, without_idle
 from mcnav.judgement.simulation import Innovations, beside, recorded
 
 PRESENT: Final = np.geomspace(1.0 / 30.0, 30.0, 9)
@@ -64,6 +64,7 @@ class Scan:
 
     record: FilteredRecord
     settled: tuple[str, ...] = ()
+    _known: dict[int, Profile] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def columns(self) -> Mapping[str, IndexArray]:
@@ -113,12 +114,14 @@ class Scan:
             profiles = self._refined(profiles, ends)
         return {number: profile.factor(self.always, drops[number]) for number, profile in profiles.items()}
 
-    def _searched(self, numbers: Iterable[int]) -> dict[int, Profile]:
-        """Compute profiles: a grid of factors, refined about its highest value."""
-        result = self._profiles({n: ABSENT if self.record.causes[n].absent else PRESENT for n in numbers})
+    def _searched(self, numbers: Collection[int]) -> dict[int, Profile]:
+        """Compute profiles, each once: a grid of factors, refined about its highest value."""
+        new = [number for number in numbers if number not in self._known]
+        result = self._profiles({n: ABSENT if self.record.causes[n].absent else PRESENT for n in new})
         for _ in range(REFINEMENTS):
             result = self._refined(result, {number: profile.between(self.always) for number, profile in result.items()})
-        return result
+        self._known.update(result)
+        return {number: self._known[number] for number in numbers}
 
     @cached_property
     def base(self) -> Sums:
@@ -132,15 +135,23 @@ class Scan:
 
     @cached_property
     def _own(self) -> FilteredRecord:
-        """The record of the campaign alone."""
-        return with_causes(self.record, present(self.record))
+        """The record of the campaign alone, of mean zero."""
+        return without_mean(with_causes(self.record, present(self.record)))
+
+    @cached_property
+    def _moving(self) -> FilteredRecord:
+        """The record of the campaign alone without the errors that stay zero."""
+        return without_idle(self._own)
 
     @cached_property
     def _missing(self) -> Mapping[int, tuple[int, FilteredRecord]]:
         """Each process that the campaign does not have: its number in the record of the campaign with it, and this."""
         numbers = [number for number, cause in enumerate(self.record.causes) if cause.absent]
         records = {number: sorted({*present(self.record), number}) for number in numbers}
-        return {number: (kept.index(number), with_causes(self.record, kept)) for number, kept in records.items()}
+        plain = without_mean(self.record)
+        return {
+            number: (kept.index(number), without_idle(with_causes(plain, kept))) for number, kept in records.items()
+        }
 
     @cached_property
     def _measured(self) -> Innovations:
@@ -159,7 +170,7 @@ class Scan:
     def _with_start(self) -> Sums:
         """With the campaign's sizes; the errors at the start are beside the free ones."""
         started = respond_freely(self._own, sources_at_start(self._own)[0])
-        return self._summed(self._own, beside([self._measured, started]), [{}])
+        return self._summed(self._moving, beside([self._measured, started]), [{}])
 
     def _profiles(self, factors: Mapping[int, Array]) -> dict[int, Profile]:
         """Compute the sums with one size multiplied by factors, of each of some causes."""
@@ -167,7 +178,7 @@ class Scan:
         at_start = {kept[number] for number in at_start_alone(self._own)}
         passing = [number for number in factors if number in kept and number not in at_start]
         result = {number: self._of_start(kept.index(number), factors[number]) for number in at_start & factors.keys()}
-        result |= self._whitened(self._own, {kept.index(number): factors[number] for number in passing}, passing)
+        result |= self._whitened(self._moving, {kept.index(number): factors[number] for number in passing}, passing)
         for number in factors.keys() - {*kept}:
             cause, record = self._missing[number]
             result |= self._whitened(record, {cause: factors[number]}, [number])
@@ -205,11 +216,11 @@ class Scan:
 
     def _summed(self, record: FilteredRecord, columns: Innovations, sets: Sequence[Mapping[int, float]]) -> Sums:
         """Whiten the first column and the others, the responses, with each set of sizes, and sum."""
-        plain, totals, matrices = without_mean(record), [], []
+        totals, matrices = [], []
         for begin in range(0, len(sets), BATCH):
             some = sets[begin : begin + BATCH]
             total, matrix = np.zeros(len(some)), np.zeros((len(some), len(columns), len(columns)))
-            for whitened, log_determinants in whiten(plain, columns, some):
+            for whitened, log_determinants in whiten(record, columns, some):
                 total += log_determinants
                 matrix += np.swapaxes(whitened, -1, -2) @ whitened
             totals.append(total + matrix[:, 0, 0])

@@ -20,6 +20,7 @@ from mcnav.judgement.likelihood import (
     whiten,
     without_corrections,
 )
+from mcnav.judgement.reduction import without_idle
 from mcnav.judgement.simulation import Innovations, beside
 
 GRID: Final = (1.0 / 30.0, 0.1, 0.3, 0.6, 0.9, 1.0, 1.1, 1.7, 3.0, 10.0, 30.0)
@@ -63,6 +64,8 @@ class Together:
     ----------
     record : FilteredRecord
         Of mean zero.
+    moving : FilteredRecord
+        Without the errors that stay zero.
     columns : Innovations
         Without the filter's corrections: given and simulated records, those of one cause alone, and the responses to
         constant errors and to sources at the start.
@@ -71,6 +74,7 @@ class Together:
     """
 
     record: FilteredRecord
+    moving: FilteredRecord
     columns: Innovations
     given: int
     simulated: int
@@ -94,10 +98,11 @@ class Together:
             responses.errors,
         )
         sums = _Summed.empty(1, first, len(alone), p, len(responses))
-        for whitened, log_determinants in whiten(record, both, [{}]):
+        moving = without_idle(record)
+        for whitened, log_determinants in whiten(moving, both, [{}]):
             sums.add(whitened, log_determinants, len(given))
         return cls(
-            record, columns, len(given), len(simulated), p, sums.squares[0], sums.products, sums.information
+            record, moving, columns, len(given), len(simulated), p, sums.squares[0], sums.products, sums.information
         )  # fmt: skip
 
     @property
@@ -177,7 +182,7 @@ class Together:
     def _summed(self, factors: Sequence[Mapping[int, float]]) -> list[Squares]:
         """Whiten all but the responses with each set of sizes, and sum."""
         sums = _Summed.empty(len(factors), self.given + self.simulated, len(self.record.causes), self.trials, 0)
-        for whitened, log_determinants in whiten(self.record, self.columns, factors):
+        for whitened, log_determinants in whiten(self.moving, self.columns, factors):
             sums.add(whitened, log_determinants, self.given)
         return sums.squares
 

@@ -33,14 +33,19 @@ STEP: Final = 0.5
 class SecondOrder:
     """Derivatives along the principal directions of the start covariance, per sigma; r is its rank.
 
-    ``centre`` are the outputs of the mean errors. Gradients have shape (outputs, r), hessians (outputs, r, r).
-    ``cubic`` is c, the third derivatives contracted over two of their three directions, shape (outputs, r).
+    ``centre`` are the outputs of the mean errors. Gradients have shape (outputs, r), hessians (outputs, r, r), and
+    ``thirds``, the third derivatives ``T_i[a, b, b]``, (outputs, r, r).
     """
 
     centre: Array
     gradients: Array
     hessians: Array
-    cubic: Array
+    thirds: Array
+
+    @property
+    def cubic(self) -> Array:
+        """Third derivatives contracted over two of their three directions, c, shape (outputs, r)."""
+        return np.asarray(self.thirds.sum(axis=2))
 
     @property
     def mean_shift(self) -> Array:
@@ -57,6 +62,12 @@ class SecondOrder:
         """Correction of the covariance by third derivatives, shape (outputs, outputs)."""
         half = 0.5 * self.gradients @ self.cubic.T
         return np.asarray(half + half.T)
+
+    @property
+    def added_by_pairs(self) -> Array:
+        """Correction of each variance by pairs of directions, of which it is the sum, shape (outputs, r, r)."""
+        third = self.gradients[:, :, None] * self.thirds
+        return np.asarray(0.5 * (self.hessians**2 + third + third.swapaxes(1, 2)))
 
     @property
     def along_axes(self) -> tuple[Array, Array]:
@@ -110,9 +121,10 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
     gradients = (8.0 * (plus - minus) - (two_plus - two_minus)) / (12.0 * step)
     hessians = np.zeros((rank, rank, outputs))
     hessians[range(rank), range(rank)] = (16.0 * (plus + minus) - (two_plus + two_minus)) / (12.0 * step**2)
-    cubic = (two_plus - 2.0 * plus + 2.0 * minus - two_minus) / (2.0 * step**3)
+    thirds = np.zeros((rank, rank, outputs))
+    thirds[range(rank), range(rank)] = (two_plus - 2.0 * plus + 2.0 * minus - two_minus) / (2.0 * step**3)
     for (a, b), (both, first, second, neither) in zip(pairs, mixed, strict=True):
         hessians[a, b] = hessians[b, a] = (both - first - second + neither) / (4.0 * step**2)
-        cubic[a] += (both + first - 2.0 * plus[a] - second - neither + 2.0 * minus[a]) / (2.0 * step**3)
-        cubic[b] += (both + second - 2.0 * plus[b] - first - neither + 2.0 * minus[b]) / (2.0 * step**3)
-    return SecondOrder(centre, gradients.T, hessians.transpose(2, 0, 1), cubic.T)
+        thirds[a, b] = (both + first - 2.0 * plus[a] - second - neither + 2.0 * minus[a]) / (2.0 * step**3)
+        thirds[b, a] = (both + second - 2.0 * plus[b] - first - neither + 2.0 * minus[b]) / (2.0 * step**3)
+    return SecondOrder(centre, gradients.T, hessians.transpose(2, 0, 1), thirds.transpose(2, 0, 1))

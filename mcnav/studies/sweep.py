@@ -42,9 +42,12 @@ from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.sweep_examination import examine_sweep
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
-from mcnav.workflow.rejections import doubt_about_gates
+from mcnav.workflow.rejections import doubt_about_gates, rejections_of
 
 JOBS: Final = 2
+
+NEAR: Final = 0.01
+"""Share to which the least value is found at which something is to be noticed."""
 
 ROWS: Final = 5
 """Values of the first of two variables at which the second one is solved for."""
@@ -157,6 +160,7 @@ class _Study:
             added=tuple(self.points.beside(self.points.grid())), exceedances=arrays["exceedances"],
             means=arrays["means"],
             gates=gates,
+            remarks=self._remarks(),
         )  # fmt: skip
         examiner = Examiner(self._plan.examine, perf_counter() - began)
         return examine_sweep(sweep, self.points.campaign_at, examiner)
@@ -165,9 +169,36 @@ class _Study:
         """Say of the campaign, or of the first corner, what rejections of good measurements do to linear analysis."""
         for campaign in (self._varied.campaign, *self._corners()):
             epochs = sorted({epoch for record in campaign.requirements for epoch in record.epochs or ()})
-            if doubt := doubt_about_gates(campaign.scenario, campaign.errors, campaign.tolerance, epochs):
+            _, rejections = rejections_of(campaign.scenario, campaign.errors, campaign.tolerance, epochs)
+            if doubt := doubt_about_gates(rejections, campaign.scenario):
                 return doubt
         return ""
+
+    def _remarks(self) -> tuple[str, ...]:
+        """Return what linear analysis remarks on delays, at the least values of a sweep of them at which it does."""
+        if not any(word in variable.path for variable in self.variables for word in ("delay", "jitter")):
+            return ()
+        *first, last = (variable.values.tolist() for variable in self.variables)
+        corner = tuple(values[-1] for values in first)
+        place = next((number for number, value in enumerate(last) if self._remarks_at((*corner, value))), None)
+        if place is None:
+            return ()
+        least = last[place]
+        if place and not self.variables[-1].words:
+            below = last[place - 1]
+            while least - below > NEAR * least:
+                middle = 0.5 * (below + least)
+                below, least = (below, middle) if self._remarks_at((*corner, middle)) else (middle, least)
+        point = (*corner, least)
+        at = " and ".join(
+            f"{variable.path} = {variable.words[int(value)] if variable.words else f'{value:.3g} {variable.unit}'}"
+            for variable, value in zip(self.variables, point, strict=True)
+        )
+        return tuple(f"From {at} on, {remark}." for remark in self._remarks_at(point))
+
+    def _remarks_at(self, point: Point) -> tuple[str, ...]:
+        campaign = self.points.campaign_at(point)
+        return campaign.scenario.remarks_on(campaign.errors.mean, campaign.errors.covariance)
 
     def _corners(self) -> Iterator[Campaign]:
         """Read the campaigns of the corners."""

@@ -17,11 +17,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from time import perf_counter
 from typing import Any, Final, Literal
 
 import numpy as np
 
 from mcnav.analysis.box import Box, Setting
+from mcnav.analysis.examination import Linearity, combine
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.tuning import Candidate, TunedBelief, Tuning, bounding_model
 from mcnav.config.data_sheet import DataSheetNumber, round_up
@@ -39,6 +41,7 @@ from mcnav.report.pages import tune as tables
 from mcnav.runner.executors import JOBS
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
+from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.simulated_campaigns import samples_of, simulated
 
@@ -77,7 +80,7 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
 
 def tune(
     campaign: Description, measure: Measure | None = None, confirm: bool = True, samples: int | None = None,
-    jobs: int = JOBS, progress: Progress = SILENT,
+    jobs: int = JOBS, progress: Progress = SILENT, examine: bool | None = None,
 ) -> Tuning:  # fmt: skip
     """Find what a filter is to believe so that it is consistent or pessimistic at every setting of a box.
 
@@ -90,6 +93,8 @@ def tune(
         Whether samples are simulated at the setting at which the filter is closest to being optimistic.
     samples : int, optional
         By default those of the campaign.
+    examine : bool, optional
+        Whether flights examine linear analysis with what is chosen; by default where that is quick.
 
     Raises
     ------
@@ -97,15 +102,30 @@ def tune(
         When the campaign has no ranges, or no filter whose beliefs it states.
     """
     progress.phase(Phase.PREPARING, note="linear answers of filters")
+    began = perf_counter()
     with one_thread():
         study = _Study(campaign_from(campaign), measure)
         tuning = study.tuned()
-    if not confirm or tuning.chosen is None:
+    if tuning.chosen is None:
+        return tuning
+    boxed = study.boxed(tuning.chosen.beliefs)
+    tuning = _examined(tuning, boxed, Examiner(examine, perf_counter() - began))
+    if not confirm:
         return tuning
     count = samples or samples_of(study.nominal)
-    summary = simulated(study.boxed(tuning.chosen.beliefs).at(tuning.worst), count, jobs, progress)
+    summary = simulated(boxed.at(tuning.worst), count, jobs, progress)
     verdict = "" if summary.filter is None else str(summary.filter.verdict)
     return replace(tuning, confirmed=verdict, samples=count)
+
+
+def _examined(tuning: Tuning, boxed: BoxedCampaign, examiner: Examiner) -> Tuning:
+    """Examine linear analysis where the chosen filter is closest to optimistic, and at the upper ends."""
+    verdicts, upper = list[Linearity](), boxed.setting(boxed.upper)
+    for setting in (tuning.worst, upper) if tuning.worst != upper else (upper,):
+        examined = examiner.examine(boxed.at(setting))
+        if examined is not None:
+            verdicts.append(examined.verdict_on(range(len(examined.outputs))))
+    return replace(tuning, linearity=combine(verdicts).value if verdicts else "", unexamined=examiner.reason)
 
 
 @dataclass(frozen=True)

@@ -184,7 +184,8 @@ def _file(number: int) -> tuple[int, int] | None:
 @cache
 def _copies() -> mmap.mmap:
     """Return memory that copies of this process share with it: a byte that is one when a copy has come back."""
-    os.register_at_fork(before=_end_copy_again, after_in_parent=_count_copy, after_in_child=_be_copy)
+    if hasattr(os, "register_at_fork"):  # Windows copies no process
+        os.register_at_fork(before=_end_copy_again, after_in_parent=_count_copy, after_in_child=_be_copy)
     return mmap.mmap(-1, 1)
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mcnav.analysis.examination import HOLDS
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.model import Model
 from mcnav.analysis.rejections import OnLinear
@@ -18,6 +20,7 @@ from mcnav.analysis.what_if import (
     Entries,
     LimitedErrors,
     SizedSystem,
+    Term,
     WhatIf,
     entries_of,
     picked_entries,
@@ -73,7 +76,22 @@ def what_if_of_answer(answer: LinearAnswer, content: Mapping[str, Any], beside: 
             answer.history.settled, readings.believed, readings.origin,
         )  # fmt: skip
     what_if = _what_if(content, answer.sources, answer.model, requirements, entries, throughout, beside)
-    return None if what_if is None else replace(what_if, gates=gates)
+    return None if what_if is None else _with_bends(replace(what_if, gates=gates), answer)
+
+
+def _with_bends(what_if: WhatIf, answer: LinearAnswer) -> WhatIf:
+    """Add what numbers add to the variances to second order, of independent sources about their nominal values."""
+    examined, model = answer.examination, answer.model
+    independent = not np.any(model.covariance - np.diag(np.diag(model.covariance))) and not model.mean.any()
+    if examined is None or examined.corrected is None or not independent:
+        return what_if
+    owners, added = what_if.campaign.source_numbers[np.diag(model.covariance) > 0.0], examined.corrected.added_by_pairs
+    bends = tuple(
+        Term(first, second, (1.0 if first == second else 2.0)
+             * added[:, owners == first][:, :, owners == second].sum(axis=(1, 2)))
+        for first, second in combinations_with_replacement(np.unique(owners).tolist(), 2)
+    )  # fmt: skip
+    return replace(what_if, bends=bends, departure=HOLDS * examined.tolerance)
 
 
 def what_if_of_run(content: RunAnalysis) -> WhatIf | None:

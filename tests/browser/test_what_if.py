@@ -24,7 +24,7 @@ from mcnav.physics.units import quantity
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.lincov_page import page as lincov_page
 from mcnav.statistics.normal_box import normal_box_probability
-from mcnav.studies.linear_answers import answer_linearly
+from mcnav.studies.linear_answers import answer_linearly, linear_covariance
 from mcnav.workflow.what_if import what_if_of_answer
 from tests.browser.conftest import Browser
 from tests.campaigns.test_what_if import AIDED, CAMPAIGNS
@@ -123,6 +123,37 @@ def test_sigmas_of_a_reentry(browser: Browser, tmp_path: Path, monkeypatch: pyte
         written(content, file, tmp_path)
     with browser.opened(tmp_path / "lincov.html") as page:
         compare(page, file, 3)
+
+
+CHOSEN = """(factors) => {
+  const root = document.querySelector(".what-if");
+  root.choose(factors);
+  return {...root.results(), state: root.querySelector(".state").textContent,
+    findings: Array.from(root.querySelectorAll(".requirements .tag"), (tag) => tag.textContent)};
+}"""
+
+
+def test_numbers_for_which_linear_analysis_does_not_hold_are_marked(browser: Browser, tmp_path: Path) -> None:
+    """Campaign 14: to fourth order y has the variance ``s_r^2 + r^2 s_a^4 / 2 - s_r^2 s_a^2``, linearly ``s_r^2``.
+
+    The differences of its derivatives, by a fifth of a sigma, are good to 1e-3 at 15 degrees.
+    """
+    file = str(CAMPAIGNS / "14_polar.toml")
+    limit = {"output": "y", "probability": 0.95, "below": "3 km"}
+    content = tomllib.loads(Path(file).read_text(encoding="utf-8")) | {"accept": {"quantile": [limit]}}
+    answer = linear_covariance(parse_campaign(content, file, "what if"), examine=True)
+    path = tmp_path / "lincov.html"
+    path.write_text(page_html(lincov_page(answer, {}, what_if_of_answer(answer, content, "here"))), encoding="utf-8")
+    with browser.opened(path) as page:
+        for distance, bearing in ((1.0, 0.2), (1.0, 0.5), (10.0, 1.0), (0.1, 0.2), (30.0, 0.3)):
+            chosen = page.evaluate(CHOSEN, {"errors.range": distance, "errors.bearing": bearing})
+            s_r, s_a = 20.0 * distance, np.deg2rad(15.0) * bearing
+            true = np.sqrt(s_r**2 + 0.5e6 * s_a**4 - s_r**2 * s_a**2)
+            assert chosen["ratios"][1] == pytest.approx(true / s_r, rel=2e-3)
+            doubted = abs(true / s_r - 1.0) > 0.8 * 0.05
+            assert (1 in chosen["departing"]) == doubted
+            assert chosen["findings"] == ["not linear: simulate" if doubted else "met"]
+            assert ("Linear analysis does not hold with these numbers" in chosen["state"]) == bool(chosen["departing"])
 
 
 DECK = """async () => {

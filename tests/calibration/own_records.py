@@ -126,14 +126,16 @@ def _ramps(time: Array, knots: tuple[tuple[float, float], ...]) -> tuple[Array, 
     return value, slope
 
 
-def motion(duration: float = 170.0) -> Motion:
-    """Integrate the track: speeds of 8 to 40 m/s, turns both ways, a climb and a descent."""
+def motion(duration: float = 170.0, steady: bool = False) -> Motion:
+    """Integrate the track: speeds of 8 to 40 m/s, turns both ways, a climb and a descent; steady: level at 40 m/s."""
     time = np.arange(0.0, duration + 0.5 * STEP, STEP)
     speed, gain = _ramps(time, ((0, 8), (8, 8), (18, 40), (60, 40), (72, 12), (95, 12), (108, 38), (170, 38)))
     degrees = ((0, 30), (20, 30), (42, 160), (62, 160), (75, 160), (98, 20), (120, 20), (146, 130), (170, 130))
     course, turn = (np.radians(each) for each in _ramps(time, degrees))
     climb, rise = (np.radians(each) for each in _ramps(time, ((0, 0), (25, 0), (32, 7), (45, 7), (52, 0), (85, 0),
                                                               (92, -5), (104, -5), (112, 0), (170, 0))))  # fmt: skip
+    if steady:
+        speed, gain, climb, rise = np.full_like(time, 40.0), 0.0 * time, 0.0 * time, 0.0 * time
     bank = np.arctan(speed * turn / 9.81)
     level = np.stack([np.cos(climb) * np.cos(course), np.cos(climb) * np.sin(course), -np.sin(climb)], axis=1)
     along_climb = np.stack([-np.sin(climb) * np.cos(course), -np.sin(climb) * np.sin(course), -np.cos(climb)], axis=1)

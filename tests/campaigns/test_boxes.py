@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.remedies import DOUBTED
 from mcnav.arrays.types import Array
 from mcnav.config.documents import UNNAMED
 from mcnav.config.overrides import override
@@ -247,9 +248,9 @@ def test_at_nominal_and_without_ranges(folder: Path) -> None:
 def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model() -> None:
     """No setting of the box is optimistic, at any reading; an answer by the engine at a setting between agrees."""
     campaign = campaign_with({"imu.gyro.bias_instability.correlation_time": "10..1000 s"})
-    tuning = tune(campaign, confirm=False)
+    tuning = tune(campaign, confirm=False, examine=True)
     assert tuning.chosen is not None
-    assert tuning.chosen.ratio <= 1.0 + 1e-9
+    assert (tuning.chosen.ratio <= 1.0 + 1e-9, tuning.linearity) == (True, "holds")
     bounding = next(candidate for candidate in tuning.candidates if candidate.name == "bounding model")
     assert tuning.chosen.cost < bounding.cost
     said = (("", "agrees"), ("undecided", "agrees"), ("pessimistic", "agrees"), ("optimistic", "differs"))
@@ -260,6 +261,20 @@ def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model()
     boxed = BoxedCampaign(parse_campaign(content, UNNAMED, UNNAMED))
     answer = answer_linearly(boxed.at(boxed.setting([boxed.ranges[0].span.at(0.6)])))
     assert measures(answer)[-1] <= 1.0 + 1e-6
+
+
+def test_tune_does_not_recommend_where_linear_analysis_is_not_shown_to_hold() -> None:
+    """A heading known to 30 degrees: the filter bounds the linear errors, and samples alone can confirm it."""
+    tuning = tune(campaign_with({"errors.heading": "5..30 deg"}), confirm=False, examine=True)
+    assert tuning.chosen is not None
+    assert tuning.linearity in DOUBTED
+    said = verdict(tuning)
+    assert said.tone == "undecided"
+    assert "simulate this filter before you use it" in " ".join(said.sentences)
+    assert verdict(replace(tuning, confirmed="consistent", samples=500)).tone == "agrees"
+    assert verdict(replace(tuning, confirmed="undecided", samples=500)).tone == "undecided"
+    unexamined = tune(campaign_with({"errors.heading": "5..30 deg"}), confirm=False, examine=False)
+    assert (unexamined.linearity, unexamined.unexamined) == ("", "")
 
 
 def test_tune_inflates_where_the_filter_neglects_errors() -> None:

@@ -228,7 +228,8 @@ def test_statement_and_requirements_follow_the_examination() -> None:
     assert tone == "differs"
     assert words == (
         "Linear analysis, examined by 45 flights: holds for 1 of 2 outputs. Y (true sigma about 2.53 times) does not. "
-        "Together it does not: use no gate or fusion with the full matrix"
+        "Sigma to second order: y 52.2 m (linear 20.0). Together it does not: use no gate or fusion with the "
+        "full matrix"
     )
 
 

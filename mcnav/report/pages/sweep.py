@@ -137,6 +137,7 @@ def table(sweep: Sweep) -> Mapping[str, object]:
         **({"exceedance": sweep.exceedances} if any(map(sweep.rare, range(len(sweep.measures)))) else {}),
         "added": [{"point": _plain_point(sweep, point), "values": values} for point, values in sweep.added],
         "just_met": just_met_rows(sweep),
+        **({"remarks": list(sweep.remarks)} if sweep.remarks else {}),
         **({"linearity": examined_rows(sweep)} if sweep.examined or sweep.unexamined else {}),
         "monte_carlo": [
             {

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Final
 
 import tomli_w
 
+from mcnav.analysis.remedies import DOUBTED
 from mcnav.analysis.tuning import Candidate, TunedBelief, Tuning
 from mcnav.report.document.parts import Page, Part, Sentence, Verdict
 from mcnav.report.document.table import Column, Table
 from mcnav.report.format import rounded
 from mcnav.report.statements.box import setting_words
+
+DOUBT: Final = {
+    "does not hold": "Linear analysis does not hold with these beliefs",
+    "cannot say": "Flights cannot say whether linear analysis holds with these beliefs",
+}
+SHORT: Final = {"does not hold": "does not hold", "cannot say": "is not shown to hold"}
+"""What flights say of linear analysis, as a sentence and as a clause."""
 
 
 def verdict(tuning: Tuning) -> Verdict:
@@ -32,8 +41,15 @@ def verdict(tuning: Tuning) -> Verdict:
         sentences.append(f"{tuning.samples:,} samples there do not decide whether it is consistent.")
     elif tuning.confirmed:
         sentences.append(f"By {tuning.samples:,} samples there it is {tuning.confirmed}.")
+    if tuning.linearity in DOUBTED:
+        sentences.append(f"{DOUBT[tuning.linearity]}: simulate this filter before you use it.")
+    if tuning.unexamined:
+        sentences.append(f"Linear analysis was not examined at all settings: {tuning.unexamined}. --examine does it.")
     if tuning.confirmed == "optimistic":
         return Verdict("Linear analysis finds no setting optimistic, but samples do", "differs", sentences)
+    if tuning.doubted:
+        words = f"The filter is optimistic nowhere by linear analysis, which {SHORT[tuning.linearity]} here"
+        return Verdict(words, "undecided", sentences)
     return Verdict("With these beliefs the filter is optimistic at no setting that was looked at", "agrees", sentences)
 
 
@@ -91,4 +107,5 @@ def table(tuning: Tuning) -> Mapping[str, object]:
         "candidates": [asdict(candidate) for candidate in tuning.candidates],
         "confirmed": tuning.confirmed,
         "samples": tuning.samples,
+        "linearity": {"chosen": tuning.linearity or None, "unexamined": tuning.unexamined or None},
     }

@@ -253,6 +253,7 @@ def remarks(sweep: Sweep) -> list[str]:
     result = [] if sweep.confirmations or not sweep.just_met else [NOT_SIMULATED]
     if words := examined_words(sweep):
         result.append(words)
+    result += sweep.remarks
     if sweep.gates:
         result.append(f"{sweep.gates}. No limit is judged.")
     if outside := int(np.isinf(sweep.values).any(axis=-1).sum()):

@@ -102,24 +102,33 @@ def read_schedule(instance: Any, name: str, measurements: tuple[Measurement, ...
     if len(merged) > MOST_INSTANTS:
         raise ScenarioError("type", f"{name} would have {len(merged):,} instants; at most {MOST_INSTANTS:,}")
 
-    def falls(key: str, time: float) -> bool:
+    def falls(key: str) -> list[bool]:
+        """Tell at which instants something happens."""
         times = at.get(key, np.zeros(0))
-        place = int(np.searchsorted(times, time - same))
-        return place < len(times) and bool(times[place] <= time + same)
+        following = np.searchsorted(times, merged - same)
+        happens: list[bool] = (np.append(times, np.inf)[following] <= merged + same).tolist()
+        return happens
 
-    instants = []
-    for begin, time in zip([0.0, *merged[:-1]], merged.tolist(), strict=True):
-        on_cycle = falls("cycle", time)
-        instants.append(
-            Instant(
-                time, float(begin), int(np.ceil((time - begin) / step * (1.0 - SAME))),
-                tuple(each for each, sensor in enumerate(measurements) if falls(f"measure {sensor.name}", time)),
-                tuple(each for each, done in enumerate(instance.corrections) if falls(f"correct {done.name}", time)),
-                on_cycle or cycle is None, on_cycle or time == last,
-                next((each for each, phase in enumerate(instance.phases) if falls(f"begin {phase.name}", time)), None),
-            )
-        )  # fmt: skip
-    return tuple(instants)
+    # by instant, and within one in the order of the user's lists
+    measured = _numbers_by_instant([falls(f"measure {measurement.name}") for measurement in measurements], len(merged))
+    corrected = _numbers_by_instant([falls(f"correct {named.name}") for named in instance.corrections], len(merged))
+    begun = _numbers_by_instant([falls(f"begin {phase.name}") for phase in instance.phases], len(merged))
+    return tuple(
+        Instant(
+            time, begin, int(np.ceil((time - begin) / step * (1.0 - SAME))), measured[number], corrected[number],
+            on_cycle or cycle is None, on_cycle or time == last, next(iter(begun[number]), None),
+        )
+        for number, (begin, time, on_cycle) in enumerate(
+            zip([0.0, *merged[:-1].tolist()], merged.tolist(), falls("cycle"), strict=True)
+        )
+    )  # fmt: skip
+
+
+def _numbers_by_instant(happens: list[list[bool]], instants: int) -> list[tuple[int, ...]]:
+    """Return at each instant the numbers of what happens at it; ``happens`` has a row for each number."""
+    if not happens:
+        return [()] * instants
+    return [tuple(np.flatnonzero(column).tolist()) for column in np.transpose(happens)]
 
 
 def _within_phases(measurement: Measurement, phases: tuple[Phase, ...], times: Array, name: str) -> NDArray[np.bool_]:

@@ -1,15 +1,19 @@
-"""Threads of linear algebra."""
+"""Threads of linear algebra, and the thread that waits for the end of a parent."""
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import sys
-from types import ModuleType
+import threading
+from types import ModuleType, SimpleNamespace
 from unittest.mock import patch
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from mcnav.execution import threads
+from mcnav.execution.child_processes import _wait_for_end
 from mcnav.execution.threads import one_thread
 
 
@@ -40,3 +44,17 @@ def test_libraries_are_looked_for_when_modules_were_imported(monkeypatch: pytest
         with one_thread():
             pass
         assert looked.call_count == found + 1
+
+
+def test_the_end_of_a_parent_is_noticed_though_its_number_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows: by what ends with the parent, here a pipe."""
+    reader, writer = os.pipe()
+    monkeypatch.setattr(multiprocessing, "parent_process", lambda: SimpleNamespace(sentinel=reader))
+    waiting = threading.Thread(target=_wait_for_end, args=(os.getppid(), True), daemon=True)
+    waiting.start()
+    waiting.join(0.05)
+    assert waiting.is_alive()
+    os.close(writer)
+    waiting.join(10.0)
+    assert not waiting.is_alive()
+    os.close(reader)

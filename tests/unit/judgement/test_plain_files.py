@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +94,32 @@ def test_readings_in_other_units_are_named(gyro: float, force: float, words: str
     assert fault is not None
     assert fault.subject == IMU
     assert words in fault.message
+
+
+def rover(turning: float, late: float, seed: int) -> Recording:
+    """Return a rover at 1 m/s that winds with a rate, rad/s, shaken by 3 m/s^2 at 50 Hz: no acceleration is seen."""
+    rng, ends = np.random.default_rng(seed), 0.02 * np.arange(1.0, 12_001.0)
+    rate = turning * np.sin(0.11 * ends) * np.cos(0.047 * ends + 1.0)
+    course = np.cumsum(rate) * 0.02
+    gyro = np.stack([0.0 * ends, 0.0 * ends, rate], axis=1) + 2e-3 * rng.standard_normal((len(ends), 3)) + 5e-4
+    force = np.array([0.0, 0.0, -9.8]) + 3.0 * rng.standard_normal((len(ends), 3))
+    stamps = np.arange(5.0, 235.0)
+    at = np.interp(stamps, ends, course)
+    velocity = np.stack([np.cos(at), np.sin(at), 0.0 * at], axis=1) + 0.05 * rng.standard_normal((len(at), 3))
+    return Recording(ends, gyro, force, {"gnss": RecordedMeasurements(stamps + late, {"velocity": velocity})})
+
+
+def test_turns_tell_clocks_where_accelerations_do_not() -> None:
+    """Four seconds late on a winding way are named; on a straight one, and at the right time, nothing is."""
+    for seed in range(3):
+        assert find_fault(rover(0.4, 0.0, seed)) is None
+        assert find_fault(rover(0.0, 4.0, seed)) is None
+        fault = find_fault(rover(0.4, 4.0, seed))
+        assert fault is not None
+        assert fault.subject == "gnss"
+        late = re.match(r"its stamps are (.*) s late against the gyros: whole seconds; the turns", fault.message)
+        assert late is not None
+        assert float(late[1]) == pytest.approx(4.0, abs=0.1)
 
 
 def test_a_vehicle_at_rest_tells_nothing_of_clocks_and_headings() -> None:

@@ -146,6 +146,13 @@
     };
     const variance = (m, r, i) => max(m.covariance[r * data.entries.length + entry(i, i)], 0);
     const sigma = (m, r, i) => Math.sqrt(variance(m, r, i));
+    // True over linear sigma at the end to second order; which outputs it marks.
+    const bends = data.bends.map(([first, second, text]) => [first, second, numbersIn(text)]);
+    const bent = (k, m, i) => {
+      const added = bends.reduce((sum, [first, second, values]) => sum + (by(k, first) * by(k, second)) ** 2 * values[i], 0);
+      return Math.sqrt(max(1 + (added / variance(m, last, i) || 0), 0));
+    };
+    const nonlinear = (k, m) => [...outputs.keys()].filter((i) => bends.length && abs(bent(k, m, i) - 1) > data.departure);
     const rms = (m, r, i) => hypot(sigma(m, r, i), m.mean[r * width + i]);
     const block = (m, r, members, origin) => [members.map((i, k) => m.mean[r * width + i] + (origin ? origin[k] : 0)),
       members.map((i) => members.map((j) => m.covariance[r * data.entries.length + entry(i, j)])),
@@ -315,7 +322,7 @@
       const [from, to] = [times[0], times[times.length - 1]];
       const across = (t) => L + (W - L - 6) * (t - from) / (to - from || 1);
       const put = (x, y, content, anchor) => { const each = set(made("text"), { x, y, "text-anchor": anchor }); each.textContent = content; words.append(each); };
-      return { i, element: make("div", [caption, svg], { class: "panel" }), draw(m, until) {
+      return { i, element: make("div", [caption, svg], { class: "panel" }), draw(m, until, dashed) {
         const [inUnit, factor] = convention.unit(unit, name);
         unitShown.textContent = inUnit ? ` ${inUnit}` : "";
         const value = (each, r) => factor * shownScale * sigma(each, r, i);
@@ -327,7 +334,7 @@
           .map(([t, v], k) => `${k ? "L" : "M"}${across(t).toFixed(1)} ${up(v).toFixed(1)}`).join("");
         set(ghost, { d: path((r) => value(before.m, r), before.beyond) });
         set(claimed, { d: path(stated, times.length) });
-        set(line, { d: path((r) => value(m, r), until) });
+        set(line, { d: path((r) => value(m, r), until), "stroke-dasharray": dashed ? "6 4" : "none" });
         set(again, { d: tuned.map((v, k) => `${k ? "L" : "M"}${across(retuned[""][k]).toFixed(1)} ${up(v).toFixed(1)}`).join(""), "stroke-dasharray": doubted.includes(name) ? "6 4" : "none" });
         words.replaceChildren();
         const ticks = ticksOf(0, top, 0, 3);
@@ -381,19 +388,26 @@
       const changed = factors.filter((factor) => factor !== 1).length;
       root_.closest("section")?.classList.toggle("unchanged", !changed);
       const outside = until < count ? ` Beyond the range of linear analysis${until < last ? ` from ${number(times[until], 4)} ${data.timeUnit}` : ""}: later values have no meaning.` : "";
-      const verdicts = results.filter(Boolean);
+      const departing = nonlinear(factors, m);
+      const open = requirements.map(({ members }) => members.some((each) => departing.includes(each)));
+      const verdicts = results.filter((result, n) => result && !open[n]);
       const failed = verdicts.filter(({ met }) => !met).length;
-      const metWords = verdicts.length ? ` ${failed ? `${failed} of ${verdicts.length} requirement${verdicts.length > 1 ? "s" : ""} ${data.sampled ? "beyond the limit, by the bound of the samples" : "not met"}.` : `${verdicts.length > 1 ? "All requirements" : "The requirement is"} met.`}` : "";
-      root_.verdict = [metWords.trim(), !verdicts.length ? "" : failed ? (data.sampled ? "undecided" : "differs") : "agrees"];
+      const metWords = verdicts.length ? ` ${failed ? `${failed} of ${verdicts.length} requirement${verdicts.length > 1 ? "s" : ""} ${data.sampled ? "beyond the limit, by the bound of the samples" : "not met"}.` : open.some(Boolean) ? "" : `${verdicts.length > 1 ? "All requirements" : "The requirement is"} met.`}` : "";
+      root_.verdict = [metWords.trim(), !verdicts.length ? "" : failed ? (data.sampled ? "undecided" : "differs") : open.some(Boolean) ? "undecided" : "agrees"];
       state.textContent = `${changed ? `${changed} number${changed > 1 ? "s" : ""} changed.` : "As in the campaign."}${metWords}${outside}`;
       if (changed && until === count) state.append(` 1σ of ${outputs[i].name}: ${number(outputs[i].scale * sigma(before.m, last, i), 3)} → ${number(outputs[i].scale * sigma(m, last, i), 3)} ${outputs[i].unit}.`);
+      if (changed) {
+        const [most] = departing.sort((p, q) => abs(bent(factors, m, q) - 1) - abs(bent(factors, m, p) - 1));
+        state.append(departing.length ? ` Linear analysis does not hold with these numbers: the true sigma of ${outputs[most].name} is about ${bent(factors, m, most).toFixed(2)} times. Simulate them.`
+          : bends.length ? "" : " No flight has examined linear analysis of these numbers.");
+      }
       reset.disabled = !changed;
       const [now, then] = [shares(m, factors, i), shares(before.m, before.k, i)];
       rows.forEach((row, n) => row.share(now[n], then[n]));
       results.forEach((result, n) => {
         const [row, earlier] = [asked.rows[n], before.judged[n]];
         write(row, [earlier ? shownIn(requirements[n], earlier.value) : "–", result ? shownIn(requirements[n], result.value) : "–", result ? `× ${number(result.margin, 3)}` : "–"]);
-        row.cells[4].replaceChildren(make("span", result ? (result.met ? "met" : unmet) : "see mcnav lincov", { class: `tag ${result ? (result.met ? "agrees" : data.sampled ? "undecided" : "differs") : "undecided"}` }));
+        row.cells[4].replaceChildren(make("span", open[n] ? "not linear: simulate" : result ? (result.met ? "met" : unmet) : "see mcnav lincov", { class: `tag ${result && !open[n] ? (result.met ? "agrees" : data.sampled ? "undecided" : "differs") : "undecided"}` }));
       });
       caption_.textContent = `At the end, ${convention.words}`;
       outputs.forEach(({ scale: own_, unit, name }, o) => {
@@ -408,7 +422,7 @@
         const [[ratio, o, r], [earlier]] = [worst(m, until), worst(before.m, before.beyond)];
         filterLine.replaceChildren(make("strong", "Filter gains held."), o < 0 ? "" : ` Worst true/computed ratio: ${three(ratio)} (${outputs[o].name}, ${instant(times[r])}); in the campaign ${three(earlier)}.`);
       } else if (data.tuned) filterLine.replaceChildren(make("strong", "Filter gains held."));
-      panels.filter((panel) => first.includes(panel.i) || more?.open).forEach((panel) => panel.draw(m, min(until, times.length)));
+      panels.filter((panel) => first.includes(panel.i) || more?.open).forEach((panel) => panel.draw(m, min(until, times.length), departing.includes(panel.i)));
       root_.dispatchEvent(new Event("moved"));
     };
     // What a live page asks: factors of the numbers that are changed, by their keys; and the other way about.
@@ -424,7 +438,7 @@
     root_.results = () => {
       const m = moments(factors);
       const values = judged(m, beyond(m)).map((each) => each && [each.value, each.margin]);
-      return { sigmas: Array.from({ length: count }, (_, r) => outputs.map((__, i) => sigma(m, r, i))), requirements: values, toml: toml() };
+      return { sigmas: Array.from({ length: count }, (_, r) => outputs.map((__, i) => sigma(m, r, i))), requirements: values, toml: toml(), ratios: outputs.map((_, i) => bent(factors, m, i)), departing: nonlinear(factors, m) };
     };
     chosen.addEventListener("change", update);
     const key = make("ul", [["line", first_ && data.tuned ? "gains held" : "what if"], ["ghost", "campaign"], ...(own ? [["claimed", "filter"]] : []), ...(first_ && data.tuned ? [["again", "re-tuned"]] : [])]

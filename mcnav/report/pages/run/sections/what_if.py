@@ -33,7 +33,11 @@ EXPLANATION: Final = (
 )
 SUM: Final = (
     "The covariance is a sum over all causes, and what a number causes grows with its square. The page has these parts "
-    "over time and adds them up. Nothing here was simulated, and no flight examines linear analysis of what you change."
+    "over time and adds them up. Nothing here was simulated."
+)
+BENT: Final = (
+    "Flights of the campaign have shown second and third derivatives of its constant errors. Where by these linear "
+    "analysis does not hold, the line is dashed. Save the file and run mcnav lincov --examine, which simulates flights."
 )
 HELD: Final = (
     "The filter's model and gains stay as they are in the campaign. mcnav sweep and mcnav allocate re-tune the filter."
@@ -102,6 +106,7 @@ def _words(what_if: WhatIf, loop: bool) -> list[Part]:
     letters = ", ".join(f"{name[0].upper()} {name}" for name in graded)
     said = [
         SUM,
+        BENT if what_if.bends else "",
         MEASURED.format(_factors(what_if.known_scales)) if what_if.scales else "",
         HELD if held else "",
         SEVERAL if covariance.crossed else "",
@@ -152,6 +157,8 @@ def _json(what_if: WhatIf, outputs: Sequence[Output | Variable]) -> str:
         "terms": [[term.first, term.second, pack(term.values)] for term in covariance.terms],
         "means": [[number, pack(mean)] for number, mean in covariance.means.items()],
         "own": None if covariance.own is None else pack(covariance.own),
+        "bends": [[term.first, term.second, pack(term.values)] for term in what_if.bends],
+        "departure": what_if.departure,
         "requirements": [
             _requirement(errors, outputs, units, scale)
             for errors, scale in zip(what_if.requirements, what_if.known_scales, strict=True)
