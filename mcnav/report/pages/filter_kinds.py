@@ -45,8 +45,8 @@ def page(comparison: KindComparison) -> Page:
     """Return the page."""
     facts = Facts([("kinds", ", ".join(comparison.kinds)), *(
         [] if comparison.variable is None else
-        [(comparison.variable.path, ", ".join(shown(comparison.variable, each) for each in comparison.variable.values))]
-    ), ("samples", ", ".join(sorted({f"{each.summary.samples:,}" for each in comparison.results})))])  # fmt: skip
+        [(comparison.variable.path, ", ".join(shown(comparison.variable, at) for at in comparison.variable.values))]
+    ), ("samples", ", ".join(sorted({f"{result.summary.samples:,}" for result in comparison.results})))])  # fmt: skip
     varied = comparison.variable is not None and not comparison.variable.words
     figure = over_values(comparison) if varied else kind_ratios(comparison)
     sections = [Section("kinds", "Kinds of filters", [figure, kind_table(comparison), facts, *map(Note, NOTES)])]
@@ -78,10 +78,10 @@ def _verdict(comparison: KindComparison) -> Verdict:
     """Say which kinds are consistent, or from which value on each is optimistic."""
     if comparison.variable is None:
         groups: dict[str, list[str]] = {}
-        for each in sorted(comparison.results, key=_standing):
-            groups.setdefault(each.verdict, []).append(each.kind)
-        words = [f"{joined(kinds)} {'is' if len(kinds) == 1 else 'are'} {each}" for each, kinds in groups.items()]
-        tones = {TONES.get(each.verdict, "undecided") for each in comparison.results}
+        for result in sorted(comparison.results, key=_standing):
+            groups.setdefault(result.verdict, []).append(result.kind)
+        words = [f"{joined(kinds)} {'is' if len(kinds) == 1 else 'are'} {verdict}" for verdict, kinds in groups.items()]
+        tones = {TONES.get(result.verdict, "undecided") for result in comparison.results}
         return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index), _worst_ratio(comparison))
     words = []
     for kind, begin in comparison.optimistic_from.items():

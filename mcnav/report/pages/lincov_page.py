@@ -103,7 +103,7 @@ def page(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], remarks_in(answer.remarks)
     )
     smoothed = smoothed_table(answer)
-    answers = Answers([final_table(answer), *(each for each in (largest, smoothed) if each.rows)])
+    answers = Answers([final_table(answer), *(table for table in (largest, smoothed) if table.rows)])
     moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
     sections = []
     if answer.requirements:
@@ -176,9 +176,12 @@ def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | No
     Requirements over time come first, the tightest; else the output that a filter is most wrong about, or that the
     tightest requirement at the end limits.
     """
-    tightest = sorted((each for each in answer.requirements if each.judged), key=lambda each: each.tightness)
+    tightest = sorted(
+        (requirement for requirement in answer.requirements if requirement.judged),
+        key=lambda requirement: requirement.tightness,
+    )
     if asked is not None and (answer.filter is None or answer.filter.verdict == "consistent"):
-        names = [drawn.short_name(each, answer) for each in tightest]
+        names = [drawn.short_name(requirement, answer) for requirement in tightest]
         return replace(asked, panels=sorted(asked.panels, key=lambda panel: names.index(panel.title.split(": ", 1)[1])))
     output = "" if answer.filter is None else humanize(answer.filter.output)
     if tightest and not output:

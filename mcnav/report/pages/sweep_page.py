@@ -228,7 +228,7 @@ def point_table(sweep: Sweep) -> Table[tuple[int, ...]]:
     count, indices = len(sweep.variables), range(len(sweep.measures))
     doubts = [Column[tuple[int, ...]]("linear analysis", examined, kind="text")] if sweep.doubted else []
     columns = [*map(variable, range(count)), *map(measure, indices), *map(beyond, filter(sweep.rare, indices)), *doubts]
-    return Table("", columns, [places[each] for each in chosen], "Linear analysis", keys=count)
+    return Table("", columns, [places[position] for position in chosen], "Linear analysis", keys=count)
 
 
 def _not_shown(sweep: Sweep) -> list[str]:
@@ -327,12 +327,12 @@ def _checks(sweep: Sweep) -> list[Part]:
     for confirmation in sweep.confirmations:
         tone = verdict_at(sweep, confirmation)
         folder = confirmation.folder.relative_to(confirmation.folder.parent.parent).as_posix()
-        told = Markup('{} {} <a href="{}/report.html">Report</a>, {:,} samples.').format(
+        said = Markup('{} {} <a href="{}/report.html">Report</a>, {:,} samples.').format(
             label(tone, tone), verdicts.headline(confirmation.summary), folder, confirmation.summary.samples
         )
         requirements = requirement_table(sweep, confirmation)
         parts += [
-            Heading(point_words(sweep, confirmation, True)), Sentence(told),
+            Heading(point_words(sweep, confirmation, True)), Sentence(said),
             *(Sentence(STRONG(f"{line}.")) for line in disagreements(sweep, confirmation)),
             confirmation_table(sweep, [confirmation]), *([requirements] if requirements.rows else []),
         ]  # fmt: skip
