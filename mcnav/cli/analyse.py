@@ -195,7 +195,7 @@ def judge(
         out.print(printed(judged_errors.terminal(verdicts)))
     else:
         if campaign is None or imu is None:
-            raise failure("expected CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
+            raise failure("mcnav judge needs CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
         from mcnav.config.read import read_campaign
 
         given = {name: Path(file) for name, file in pairs_of(measurements, "measurements", "gnss=gnss.pos").items()}

@@ -78,10 +78,10 @@ def run_folder(campaign: Path) -> Path:
 def pairs_of(given: Sequence[str] | None, option: str, example: str) -> dict[str, str]:
     """Read options of the form NAME=VALUE."""
     pairs = dict[str, str]()
-    for each in given or []:
-        name, equals, value = each.partition("=")
+    for pair in given or []:
+        name, equals, value = pair.partition("=")
         if not equals or not value:
-            raise failure(f"--{option}: got {each!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
+            raise failure(f"--{option}: got {pair!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
         pairs[name.strip()] = value.strip()
     return pairs
 
@@ -91,9 +91,9 @@ def columns_of(
 ) -> dict[str, str]:
     """Read options of the form NAME=COLUMN."""
     columns = dict[str, str]()
-    for each in named or []:
-        name, equals, written = each.partition("=")
+    for pair in named or []:
+        name, equals, written = pair.partition("=")
         if not equals:
-            raise failure(f"{option}: got {each!r}; expected {expected}", BAD_INPUT)
+            raise failure(f"{option}: got {pair!r}; expected {expected}", BAD_INPUT)
         columns[name.strip()] = written.strip()
     return columns

@@ -35,7 +35,8 @@ POINTS: Final = 5
 """Values of a range."""
 
 TIMED: Final = 2
-"""Samples of each kind that are timed."""
+SLOW: Final = 1.0
+"""Samples of each kind that are timed, and the time of the first one, s, from which it is the only one."""
 
 RUNS: Final = "runs"
 CSV, JSON, PAGE = "filters.csv", "filters.json", "filters.html"
@@ -139,10 +140,17 @@ def _tell_time(campaigns: Sequence[Campaign], paces: Sequence[Pace], jobs: int) 
 
 
 def _pace(scenario: Scenario) -> Pace:
-    """Measure the computing time of a sample: the mean of some without errors, after a first one."""
+    """Measure the computing time of a sample: the mean of some without errors, after a first one that is quick.
+
+    Of a long one what only the first pays is little, and others would make the user wait for the notice.
+    """
     nothing = np.zeros((TIMED, len(scenario.sources)))
     engine = scenario.engine(ENGINE, nothing[:1])
-    engine.simulate(Batch(np.arange(1), nothing[:1], 0), noise=False)
-    begun = thread_time()
-    engine.simulate(Batch(np.arange(TIMED), nothing, 0), noise=False)
-    return Pace(1000.0 * (thread_time() - begun) / TIMED, engine.chunk)
+
+    def seconds_of(count: int) -> float:
+        begun = thread_time()
+        engine.simulate(Batch(np.arange(count), nothing[:count], 0), noise=False)
+        return (thread_time() - begun) / count
+
+    seconds = seconds_of(1)
+    return Pace(1000.0 * (seconds_of(TIMED) if seconds < SLOW else seconds), engine.chunk)
