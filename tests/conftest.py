@@ -31,9 +31,6 @@ from tests.reproduction import Reproduction, reproduce, reproduced
 
 FOLDER = Path(__file__).parent
 PACKAGE = FOLDER.parent / "mcnav"
-COMPILING = FOLDER / "cross" / "test_compiled.py"
-"""Tests that compile what most others then load."""
-
 BROWSER = FOLDER / "browser"
 """Folder whose files stay together, for the sake of one browser and of its pages."""
 
@@ -41,19 +38,22 @@ LONG_FIRST = ("faults", "browser", "campaigns", "published", "statistical", "cro
 """Folders whose tests come first, those with the longest before the others."""
 
 NOT_INERTIAL = (
-    "faults/test_storage.py", "campaigns/test_own_noise.py", "campaigns/test_run.py", "cross/test_engines.py",
-    "faults/test_failures.py", "faults/test_hostile.py", "statistical/test_intervals.py", "cross/test_partials.py",
+    "cross/test_compiled.py", "campaigns/test_own_noise.py", "faults/test_storage.py", "campaigns/test_run.py",
+    "cross/test_engines.py", "faults/test_failures.py", "faults/test_hostile.py", "statistical/test_intervals.py",
+    "cross/test_partials.py",
 )  # fmt: skip
-"""Files whose tests load nothing of inertial navigation; they take longer than its compilation by another worker.
+"""Files whose tests load hardly anything of inertial navigation; they take longer than its compilation by another
+worker.
 
-The second one loads nothing that is compiled: its worker begins with it, while another compiles the rest.
+The first one compiles the kernels of reentry, which the others load, but for the second one, which loads nothing.
 """
 
 INERTIAL = (
-    "faults/test_kill.py", "faults/test_navigation_inputs.py", "faults/test_navigation_storage.py",
-    "faults/test_navigation_interrupted.py", "faults/test_bad_input.py", "campaigns/test_own.py",
+    "cross/test_ins_aided.py", "faults/test_kill.py", "faults/test_navigation_inputs.py",
+    "faults/test_navigation_storage.py", "faults/test_navigation_interrupted.py", "faults/test_bad_input.py",
+    "campaigns/test_own.py",
 )  # fmt: skip
-"""Long tests of inertial navigation, which come after its compilation by the same worker."""
+"""Long tests of inertial navigation; the first file compiles its kernels, which the same worker then loads."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -64,21 +64,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     need nothing else; a file's tests stay together, and short ones come last, so that no worker compiles what another
     does, or waits for it at the end.
     """
-    compiling, files = [], dict[Path, list[pytest.Item]]()
+    files = dict[Path, list[pytest.Item]]()
     for item in items:
         if FOLDER in item.path.parent.parents:  # examples of modules beside this file have no folder
             item.add_marker(item.path.relative_to(FOLDER).parts[0])
-        if item.path == COMPILING:
-            compiling.append([item])
-        else:
-            files.setdefault(BROWSER if BROWSER in item.path.parents else item.path, []).append(item)
+        files.setdefault(BROWSER if BROWSER in item.path.parents else item.path, []).append(item)
     inertial, others = (
         [files.pop(FOLDER / name) for name in names if FOLDER / name in files] for names in (INERTIAL, NOT_INERTIAL)
     )
     rest = [files[path] for path in sorted(files, key=_rank)]
     parts: list[list[pytest.Item]] = [[] for _ in range(getattr(config, "workerinput", {}).get("workercount", 1))]
     compiler, idle = parts[:1], parts[1:] or parts
-    for groups, takers in ((compiling[::-1], parts), (inertial, compiler), (others, idle), (rest, parts)):
+    for groups, takers in ((inertial, compiler), (others, idle), (rest, parts)):
         for number, group in enumerate(groups):
             takers[number % len(takers)].extend(group)
     items[:] = _level(parts)

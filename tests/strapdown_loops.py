@@ -88,8 +88,9 @@ class Free(ClosedLoop):
         return {"position": position[0], "velocity": velocity[0], "attitude": truth.attitude(0.0).as_matrix()}
 
     def motion(self, time):
-        (moment,) = np.unique(time)
-        return true_motion(float(moment))
+        moments, places = np.unique(time, return_inverse=True)
+        motions = [true_motion(float(moment)) for moment in moments]
+        return {name: np.array([motion[name] for motion in motions])[places] for name in ("force", "rate")}
 
 
 class Aided(Free):

@@ -163,7 +163,7 @@ class Sweep:
         What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
         limit is judged.
     remarks : tuple of str
-        What is to be noticed at some values, a sentence each.
+        What is to be noticed, a sentence each: at which setting other ranges are, and what holds at some values.
     """
 
     campaign: str

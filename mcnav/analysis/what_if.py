@@ -12,7 +12,7 @@ numbers size ``C_nq = P_n S_nq P_q^T + P_q S_qn P_n^T``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -273,6 +273,8 @@ class WhatIf:
     scales : tuple of float
         By requirement, what linear errors are multiplied by for linear analysis to state the bound of a run
         (`mcnav.analysis.simulated_requirements`), NaN where it bounds nothing; empty without a run.
+    bands : mapping of str to (float, float)
+        By the path of a number that is a range, the factors that lead to its ends.
     gates : str
         What gates do by rejecting good measurements, in words, where linear analysis does not hold for that; then no
         requirement is judged.
@@ -291,6 +293,7 @@ class WhatIf:
     estimable: tuple[str, ...] = ()
     scales: tuple[float, ...] = ()
     gates: str = ""
+    bands: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     bends: tuple[Term, ...] = ()
     departure: float = 0.0
 

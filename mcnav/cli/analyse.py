@@ -24,6 +24,7 @@ from mcnav.cli.printing import (
     err,
     out,
     print_next,
+    print_notes,
     print_rows,
     print_written,
 )
@@ -194,14 +195,17 @@ def judge(
         out.print(printed(judged_errors.terminal(verdicts)))
     else:
         if campaign is None or imu is None:
-            raise failure("expected CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
+            raise failure("mcnav judge needs CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
         from mcnav.config.read import read_campaign
 
         given = {name: Path(file) for name, file in pairs_of(measurements, "measurements", "gnss=gnss.pos").items()}
         columns, units = pairs_of(column, "column", "gyro_x=wx"), pairs_of(unit, "unit", "gyro=deg/s")
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_judge")
         described = RecordingFiles(imu, given, reference, start, columns, units, begin, end)
-        judgement, files = write_judgement(read_campaign(campaign), described, target, records)
+        content = read_campaign(campaign)
+        if content.ranges:
+            print_notes(["judge compares the upper ends of ranges with the record: a smaller size may lie within them"])
+        judgement, files = write_judgement(content, described, target, records)
         out.print(printed(judged.terminal(judgement)))
     out.print()
     print_written(files)

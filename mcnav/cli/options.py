@@ -9,41 +9,19 @@ from typing import Annotated, Any, Literal
 import typer
 
 from mcnav.cli import shell_completion as completion
-from mcnav.cli.printing import Format, print_notes
+from mcnav.cli.printing import Format
 from mcnav.cli.program import BAD_INPUT, failure
 from mcnav.systems.templates import templates
 
 Axes = Literal["start", "trajectory"]
 TemplateType = Literal[tuple(templates())]  # type: ignore[valid-type]
 Platform = Literal["strapdown", "inertial", "level"]
-KNOW_RANGES = ("lincov", "run", "tune")
-"""Commands that look at all settings of a campaign with ranges."""
-
-
-def _at_upper_ends(context: typer.Context, campaign: Path) -> Path:
-    """Say of a campaign with ranges that a command looks at their upper ends alone."""
-    if context.info_name in KNOW_RANGES or not campaign.is_file() or b".." not in campaign.read_bytes():
-        return campaign
-    from mcnav.config.documents import document_of
-    from mcnav.errors import CampaignError
-
-    try:
-        ranges = document_of(campaign).ranges
-    except CampaignError:
-        return campaign  # the command says what is wrong
-    if ranges:
-        paths = ", ".join(spec.path for spec in ranges)
-        print_notes([f"ranges are at their upper ends here ({paths}); mcnav lincov answers for all of them"])
-    return campaign
-
-
 CampaignFile = Annotated[
     Path,
     typer.Argument(
         metavar="CAMPAIGN",
         help="Campaign file (TOML).",
         autocompletion=completion.campaigns,
-        callback=_at_upper_ends,
     ),
 ]
 Folder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=completion.runs)]
@@ -100,10 +78,10 @@ def run_folder(campaign: Path) -> Path:
 def pairs_of(given: Sequence[str] | None, option: str, example: str) -> dict[str, str]:
     """Read options of the form NAME=VALUE."""
     pairs = dict[str, str]()
-    for each in given or []:
-        name, equals, value = each.partition("=")
+    for pair in given or []:
+        name, equals, value = pair.partition("=")
         if not equals or not value:
-            raise failure(f"--{option}: got {each!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
+            raise failure(f"--{option}: got {pair!r}; expected NAME=VALUE such as {example}", BAD_INPUT)
         pairs[name.strip()] = value.strip()
     return pairs
 
@@ -113,9 +91,9 @@ def columns_of(
 ) -> dict[str, str]:
     """Read options of the form NAME=COLUMN."""
     columns = dict[str, str]()
-    for each in named or []:
-        name, equals, written = each.partition("=")
+    for pair in named or []:
+        name, equals, written = pair.partition("=")
         if not equals:
-            raise failure(f"{option}: got {each!r}; expected {expected}", BAD_INPUT)
+            raise failure(f"{option}: got {pair!r}; expected {expected}", BAD_INPUT)
         columns[name.strip()] = written.strip()
     return columns

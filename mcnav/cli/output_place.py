@@ -11,10 +11,15 @@ from typing import Final
 
 from mcnav.errors import CampaignError, Problem
 
-ENDINGS: Final = (".csv", ".html", ".json", ".mat", ".npz", ".parquet", ".pdf", ".png", ".svg", ".toml", ".txt")
+ENDINGS: Final = (
+    ".csv", ".czml", ".html", ".json", ".mat", ".mcap", ".npz", ".parquet", ".pdf", ".png", ".svg", ".toml", ".txt",
+)  # fmt: skip
 """Endings of files, which no folder is given by mistake."""
 
-OF_OTHERS: Final = (".doc", ".docx", ".eps", ".gif", ".jpeg", ".jpg", ".ps", ".tif", ".tiff", ".xls", ".xlsx")
+OF_OTHERS: Final = (
+    ".bag", ".bmp", ".doc", ".docx", ".eps", ".gif", ".gpx", ".htm", ".jpeg", ".jpg", ".kml", ".kmz", ".md", ".ps",
+    ".tif", ".tiff", ".webp", ".xls", ".xlsx", ".xml", ".zip",
+)  # fmt: skip
 """Endings of files that mcnav does not write, and that no folder is given by mistake either."""
 
 OPTION: Final = "--out"

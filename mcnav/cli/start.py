@@ -254,11 +254,11 @@ def check_file(
     with progress.shown(err) as shown:
         shown.phase(Phase.CHECKING)
         checked = check_any(file, columns_of(column))
-    for place, each in enumerate(checked):
+    for place, subject in enumerate(checked):
         if place:
             out.print()
-        out.print(terminal.checks(each.title, [(check.name, check.passed, check.told) for check in each.checks]))
-    passed = all(check.passed for each in checked for check in each.checks)
+        out.print(terminal.checks(subject.title, [(check.name, check.passed, check.told) for check in subject.checks]))
+    passed = all(check.passed for subject in checked for check in subject.checks)
     print_next(next_command.after_check(file, checked[0].campaign, passed))
     if not passed:
         raise typer.Exit(CHECK_FAILED)

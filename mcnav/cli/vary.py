@@ -146,13 +146,13 @@ def _show_sweep(
 
 def _show_linearity(campaign: Path, folder: Path | None, tolerance: float | None, samples: int, largest: float) -> None:
     """Find the multiple of all errors at which linear analysis fails; write and print it."""
-    from mcnav.config.read import read_campaign
     from mcnav.report.document.terminal_parts import printed
     from mcnav.report.pages.linearity import remarks, terminal
     from mcnav.report.terminal import progress
+    from mcnav.studies.boxed_run import campaign_at_worst
     from mcnav.studies.linearity import write_linearity
 
-    content = read_campaign(campaign)
+    content = campaign_at_worst(campaign)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_linearity")
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
@@ -170,11 +170,11 @@ def _show_start_times(campaign: Path, folder: Path | None, axes: str | None, cou
     The campaign's optional table [start_times] sets errors that vary with the start, weights of the outputs, and the
     start times to check.
     """
-    from mcnav.config.read import read_campaign
     from mcnav.report.terminal import progress, terminal
+    from mcnav.studies.boxed_run import campaign_at_worst
     from mcnav.studies.start_times import write_start_times
 
-    content = read_campaign(campaign)
+    content = campaign_at_worst(campaign)
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_start_times")
     with progress.shown(err) as shown:
         times, files = write_start_times(content, target, axes, count, checks, shown)

@@ -49,6 +49,11 @@ class Document:
             object.__setattr__(self, "ranges", (*still_there(nominal, self.ranges), *ranges))
 
     @property
+    def document(self) -> Document:
+        """Itself: a document describes a campaign."""
+        return self
+
+    @property
     def described(self) -> Content:
         """The content with its ranges as they are written."""
         return with_values(self.content, {spec.place: spec.text for spec in self.ranges})

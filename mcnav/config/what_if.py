@@ -29,6 +29,7 @@ from mcnav.config.data_sheet import (
     owner_of,
 )
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
+from mcnav.config.ranges import SpecRange
 from mcnav.config.toml import Content
 from mcnav.contract.quantities import TRUE, Source
 from mcnav.physics.units import UnitError, parted
@@ -87,6 +88,17 @@ def is_tuned(content: Mapping[str, Any], sources: Sequence[Source], believed: Ma
 
 def _type_of(content: Mapping[str, Any]) -> str:
     return str(content.get("scenario", {}).get("type", ""))
+
+
+def bands_of(campaign: ChangeableCampaign, ranges: Sequence[SpecRange]) -> dict[str, tuple[float, float]]:
+    """Return the factors that lead to the ends of each number that is a range, by path; not of one axis of several."""
+    bands = dict[str, tuple[float, float]]()
+    for slider in campaign.sliders:
+        size, places = slider.sizes[slider.shown].value, {slider.path, *(f"{slider.path}.{name}" for name in SIZES)}
+        spans = [spec.span for spec in ranges if spec.path in places]
+        if spans and slider.axes == 1 and size:
+            bands[slider.path] = (spans[0].low / size, spans[0].high / size)
+    return bands
 
 
 def unsized_causes(campaign: ChangeableCampaign, sources: Sequence[Source], covariance: Array) -> list[str]:

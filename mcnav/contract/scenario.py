@@ -105,6 +105,13 @@ class PlainScenario(Protocol):
         """Say what is to be noticed with errors of this mean and covariance, a clause each, without a full stop."""
         return ()
 
+    def keeping(self, engine: Engine, seconds: float) -> Engine:
+        """Return an engine of the scenario whose simulations are kept for other commands, where they can be.
+
+        Others raise `TooLong` where they take more seconds.
+        """
+        return engine
+
     def smoothed(self, times: Array | None = None) -> LinearSystem:
         """Linearize the errors behind the smoother, at the readings of `linear`; `own` is what it claims."""
         raise self._unknown("filter", Question.SMOOTHER)

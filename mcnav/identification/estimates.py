@@ -5,8 +5,9 @@ price p_m of the model, a 95 % interval holds the values with
 
     min_m [D_m(θ) + p_m] ≤ min_m [D_m + p_m] + 3.84
 
-over the models with the parameter and with the same fast noise. Where a second process is nearly taken in, it thereby
-widens the intervals of the first.
+over the models with the parameter and with the same fast noise. A model that the record does not tell from the best,
+within `CLOSE`, may be the true one: the interval holds its own as well, ``D_m(θ) ≤ min D_m + 3.84``. Where a second
+process is nearly taken in, it thereby widens the intervals of the first.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from mcnav.arrays.types import Array
-from mcnav.identification.choice import price
+from mcnav.identification.choice import CLOSE, price
 from mcnav.identification.likelihood import Maximum, information, profile_end
 from mcnav.identification.processes import Grid, Model
 from mcnav.identification.spectrum import Bands
@@ -115,7 +116,8 @@ class Candidate:
         for sign in (-1.0, 1.0):
             end = -sign * np.inf
             for other in (self, *(other for other in others if name in other.model.parameters)):
-                rise = LIMIT + self.criterion - other.criterion
+                behind = other.criterion - self.criterion
+                rise = LIMIT - behind if behind >= CLOSE else LIMIT
                 if rise > 0.0:
                     place = other.model.parameters.index(name)
                     end = profile_end(other.model, other.bands, other.best, place, sign, rise, end)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import combinations, compress
 from math import comb
@@ -24,9 +25,9 @@ from mcnav.analysis.allocation import Allocation, GradeChange, GradeMove, GradeS
 from mcnav.analysis.rejections import OnLinear
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.config.data_sheet import DataSheetNumber, GradedValue, next_grade, shown
-from mcnav.config.documents import Description, document_of
+from mcnav.config.documents import Description
 from mcnav.errors import CampaignError, Problem
-from mcnav.execution.progress import SILENT, Phase, Progress
+from mcnav.execution.progress import SILENT, Phase, Progress, note
 from mcnav.files.whole import indented_json, to_json, write_texts
 from mcnav.report.columns.gates import rejection_line
 from mcnav.report.document.html import page_html
@@ -35,6 +36,7 @@ from mcnav.runner.executors import JOBS
 from mcnav.statistics.demonstration import runs_to_show
 from mcnav.studies.allocated_numbers import find_goals
 from mcnav.studies.allocation_examination import examine_allocation
+from mcnav.studies.boxed_run import at_worst
 from mcnav.studies.confirmed_changes import ConfirmationPlan, confirm_goal, confirm_grades
 from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.simulated_campaigns import samples_of
@@ -95,8 +97,11 @@ def allocate(
     """
     began = perf_counter()
     progress.phase(Phase.PREPARING)
-    variations = Variations(document_of(campaign), progress)
-    answer = variations.base
+    document, remarks = at_worst(campaign)
+    for remark in remarks:
+        note(remark)
+    variations = Variations(document, progress)
+    answer = replace(variations.base, remarks=remarks)
     judged = _judged(variations)
     plan = ConfirmationPlan(confirm, samples or samples_of(variations.campaign), jobs, progress)
     if confirm and basis is None:

@@ -13,8 +13,10 @@ from mcnav.config.ranges import SpecRange, with_values
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.config.toml import Content
 from mcnav.config.what_if import held_beliefs, is_tuned
+from mcnav.contract.scenario import Scenario
 from mcnav.errors import CampaignError, Problem
-from mcnav.systems.registry import is_code
+from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
+from mcnav.systems.user.scenario import is_users
 
 Values = tuple[float, ...]
 """Values of the ranges of a box, in their units."""
@@ -48,7 +50,7 @@ class BoxedCampaign:
         self.ranges = tuple(spec for spec in self._document.ranges if spec.span.low < spec.span.high)
         self.sheet = data_sheet_numbers(self._document.content, nominal.scenario.sources)
         self.numbers = tuple(_owner(spec, self.sheet) for spec in self.ranges)
-        self._content, self.held = self._with_beliefs()
+        self._content, self.held = self._with_beliefs(self.numbers)
 
     @property
     def upper(self) -> Values:
@@ -79,22 +81,38 @@ class BoxedCampaign:
             problems = [replace(problem, message=f"{problem.message} (with {shown})") for problem in wrong.problems]
             raise CampaignError(problems[:1]) from None
 
-    def _with_beliefs(self) -> tuple[Content, tuple[str, ...]]:
-        """State what the filter believes of the ranges; return those of which the campaign itself does not."""
+    def document_at(self, setting: Setting) -> Document:
+        """Return the campaign file of a setting, which states beliefs of ranges below their upper ends alone."""
+        upper = self.setting(self.upper)
+        paired = zip(self.ranges, self.numbers, strict=True)
+        moved = tuple(number for spec, number in paired if setting[spec.path] != upper[spec.path])
+        content = self._with_beliefs(moved)[0] if moved else self._document.content
+        written = {spec.place: setting[spec.path] for spec in self.ranges}
+        return replace(self._document, content=with_values(content, written), ranges=())
+
+    def _with_beliefs(self, numbers: Sequence[DataSheetNumber | None]) -> tuple[Content, tuple[str, ...]]:
+        """State what the filter believes of numbers; return the ranges of which the campaign itself does not."""
         content, scenario, errors = self._document.content, self.nominal.scenario, self.nominal.errors
-        prediction = scenario.filter_prediction() if is_code(content.get("scenario", {}).get("type")) else None
-        if not is_tuned(content, scenario.sources, {} if prediction is None else prediction.believed):
+        if not is_tuned(content, scenario.sources, _believed(scenario)):
             return content, ()
 
         def held(numbers: Sequence[DataSheetNumber]) -> Content:
             return held_beliefs(content, numbers, scenario.sources, errors.mean, errors.covariance)
 
-        owned = {number.path: number for number in self.numbers if number is not None}
+        owned = {number.path: number for number in numbers if number is not None}
         before = held([])
         stated = {path for path, number in owned.items() if held([number]) != before}
         paired = zip(self.ranges, self.numbers, strict=True)
         believed = tuple(spec.path for spec, number in paired if number is not None and number.path in stated)
         return held(list(owned.values())), believed
+
+
+def _believed(scenario: Scenario) -> Mapping[str, float]:
+    """Return what the filter of a user's scenario believes; of a closed loop without its linear system."""
+    if isinstance(scenario, ClosedLoopScenario):
+        return {} if scenario.filter_schema is None else scenario.believed
+    prediction = scenario.filter_prediction() if is_users(scenario) else None
+    return {} if prediction is None else prediction.believed
 
 
 def _owner(spec: SpecRange, numbers: Sequence[DataSheetNumber]) -> DataSheetNumber | None:

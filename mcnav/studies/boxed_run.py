@@ -1,13 +1,17 @@
-"""The setting of a box at which a campaign with ranges is simulated."""
+"""The setting of a box at which a campaign with ranges is simulated, varied or changed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+from mcnav.analysis.box import Box, Setting
+from mcnav.config.documents import Description, Document, document_of
+from mcnav.config.overrides import parse_document
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
+from mcnav.execution.progress import note
 from mcnav.execution.threads import one_thread
 from mcnav.report.statements.box import setting_words
 from mcnav.studies.box import answer_box
@@ -42,8 +46,66 @@ def campaign_to_run(campaign: Campaign, at: At | None, overrides: Mapping[str, A
     if at == "nominal" or not boxed.ranges:
         setting, chosen, words = boxed.setting(boxed.upper), replace(campaign, ranges=()), "at the upper ends"
     else:
-        with one_thread():
-            box = answer_box(campaign, answer_linearly(campaign))
-        setting = box.tightest
+        setting = _box(boxed).tightest
         chosen, words = boxed.at(setting, overrides), "at the worst setting by linear analysis"
     return replace(chosen, remarks=(f"the campaign has ranges; it is simulated {words}: {setting_words(setting)}",))
+
+
+def at_worst(campaign: Description, varied: Sequence[str] = ()) -> tuple[Document, tuple[str, ...]]:
+    """Return a campaign at the worst setting of its ranges, without ranges, and what is to be said of that.
+
+    The filter believes the upper ends unless the campaign states something else. Without ranges it is the same.
+
+    Parameters
+    ----------
+    varied : sequence of str
+        Keys that a study varies itself: their ranges are at the upper ends where the setting is sought.
+
+    Raises
+    ------
+    CampaignError
+        When the campaign has no linear model.
+    """
+    document = document_of(campaign)
+    kept = tuple(spec for spec in document.ranges if not any(_within(spec.path, key) for key in varied))
+    if not kept:
+        return replace(document, ranges=()), ()
+    document = replace(document, ranges=kept)
+    boxed = BoxedCampaign(replace(parse_document(document, {}), ranges=kept), document)
+    if not boxed.ranges:
+        return replace(document, ranges=()), ()
+    box = _box(boxed)
+    return boxed.document_at(box.tightest), (_worst_words(boxed, box),)
+
+
+def noted_at_worst(campaign: Description, varied: Sequence[str] = ()) -> Document:
+    """Return what `at_worst` does, and note what is to be said of it."""
+    document, remarks = at_worst(campaign, varied)
+    for remark in remarks:
+        note(remark)
+    return document
+
+
+def campaign_at_worst(campaign: Description) -> Campaign:
+    """Read a campaign at the worst setting of its ranges, and note what is to be said of it."""
+    return parse_document(noted_at_worst(campaign), {})
+
+
+def _within(path: str, key: str) -> bool:
+    return f"{path}.".startswith(f"{key}.") or f"{key}.".startswith(f"{path}.")
+
+
+def _box(boxed: BoxedCampaign) -> Box:
+    with one_thread():
+        return answer_box(boxed.nominal, answer_linearly(boxed.nominal), boxed)
+
+
+def _worst_words(boxed: BoxedCampaign, box: Box) -> str:
+    """Say at which setting ranges are, and whether it is the worst for everything."""
+    setting: Setting = box.tightest
+    where = ", the upper ends" if setting == boxed.setting(boxed.upper) else f": {setting_words(setting)}"
+    spreads = [*box.requirements, *box.outputs]
+    elsewhere = sum(spread.worst.setting != setting for spread in spreads if spread.worst.value != spread.best.value)
+    of = "of the tightest requirement" if box.about is not None else "of the output that depends the most on them"
+    other = f"; another is worse for {elsewhere} of {len(spreads)} requirements and outputs, see mcnav lincov"
+    return f"ranges are at the worst setting {of} by linear analysis{where}{other if elsewhere else ''}"

@@ -22,6 +22,7 @@ from mcnav.execution.progress import SILENT, Phase, Progress, duration, note
 from mcnav.files.whole import indented_json, write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import filter_kinds as report
+from mcnav.studies.boxed_run import noted_at_worst
 from mcnav.systems.ins.filter.model import KINDS
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.workflow.cost import LONG, time_of
@@ -34,7 +35,8 @@ POINTS: Final = 5
 """Values of a range."""
 
 TIMED: Final = 2
-"""Samples of each kind that are timed."""
+SLOW: Final = 1.0
+"""Samples of each kind that are timed, and the time of the first one, s, from which it is the only one."""
 
 RUNS: Final = "runs"
 CSV, JSON, PAGE = "filters.csv", "filters.json", "filters.html"
@@ -83,7 +85,7 @@ def compare_filters(
     """
     progress.phase(Phase.PREPARING)
     kinds, variable = _kinds(plan.kinds), _variable(plan.varied)
-    varied = VariedCampaign(campaign)
+    varied = VariedCampaign(noted_at_worst(campaign, list(plan.varied)))
     scenario = varied.campaign.scenario
     if not is_ins(scenario) or scenario.navigation.filter is None:
         message = "there is no filter of an aided inertial navigation (type = 'ins' with [[aiding]] and [filter])"
@@ -138,10 +140,17 @@ def _tell_time(campaigns: Sequence[Campaign], paces: Sequence[Pace], jobs: int) 
 
 
 def _pace(scenario: Scenario) -> Pace:
-    """Measure the computing time of a sample: the mean of some without errors, after a first one."""
+    """Measure the computing time of a sample: the mean of some without errors, after a first one that is quick.
+
+    Of a long one what only the first pays is little, and others would make the user wait for the notice.
+    """
     nothing = np.zeros((TIMED, len(scenario.sources)))
     engine = scenario.engine(ENGINE, nothing[:1])
-    engine.simulate(Batch(np.arange(1), nothing[:1], 0), noise=False)
-    begun = thread_time()
-    engine.simulate(Batch(np.arange(TIMED), nothing, 0), noise=False)
-    return Pace(1000.0 * (thread_time() - begun) / TIMED, engine.chunk)
+
+    def seconds_of(count: int) -> float:
+        begun = thread_time()
+        engine.simulate(Batch(np.arange(count), nothing[:count], 0), noise=False)
+        return (thread_time() - begun) / count
+
+    seconds = seconds_of(1)
+    return Pace(1000.0 * (seconds_of(TIMED) if seconds < SLOW else seconds), engine.chunk)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Final
@@ -18,7 +17,7 @@ from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.members import ready_engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import runs_user_code
-from mcnav.execution.progress import COMPILATION, TOGETHER, NotCompiled, TooLong, duration
+from mcnav.execution.progress import COMPILATION, NotCompiled, TooLong, duration
 from mcnav.linear.departure_model import DepartureModel, RotatedAxes
 from mcnav.linear.higher_order import second_order
 from mcnav.linear.partials import QUICK, SimulationFailed
@@ -98,14 +97,7 @@ def _engine_of(campaign: Campaign, seconds: float) -> Engine:
     if not runs_user_code(scenario) or campaign.sample_timeout is not None:
         return exact_engine(scenario, probes, campaign.sample_timeout)
     # a loop, whose remarks are of samples that were simulated in this process: another would cost a second
-    engine = ready_engine(scenario, scenario.engines[0], probes)
-    if math.isfinite(seconds):
-        began = time.perf_counter()
-        without_noise(engine)(errors.mean[None])
-        expected = TOGETHER * (2.0 if engine.noisy else 1.0) * (time.perf_counter() - began)
-        if expected > seconds:
-            raise TooLong(expected)
-    return engine
+    return scenario.keeping(ready_engine(scenario, scenario.engines[0], probes), seconds)
 
 
 def examine_model(model: Model, errors: ErrorModel, engine: Engine, tolerance: float) -> Examination:

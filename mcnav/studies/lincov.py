@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +21,10 @@ from mcnav.analysis.remedies import Remedies
 from mcnav.analysis.vector_sizes import linear_sizes
 from mcnav.analysis.what_if import WhatIf
 from mcnav.arrays.types import Array
+from mcnav.config.ranges import SpecRange
 from mcnav.config.read import Campaign
+from mcnav.config.toml import Content
+from mcnav.config.what_if import bands_of
 from mcnav.contract.quantities import kinds_of
 from mcnav.files.whole import indented_json, to_json, write_texts
 from mcnav.report.columns.gates import gates_entry
@@ -59,13 +62,44 @@ def write_lincov(
     return covariance, write_texts(path, files)
 
 
-def lincov_page(campaign: Campaign, answer: LinearAnswer, remedies: Remedies | None = None) -> Page:
-    """Return the page on a campaign's linear covariance, with what its reader can change."""
-    return page(answer, outages_of(campaign), _what_if(campaign, answer), remedies)
+def lincov_page(
+    campaign: Campaign, answer: LinearAnswer, remedies: Remedies | None = None, changeable: Changeable | None = None
+) -> Page:
+    """Return the page on a campaign's linear covariance, with what its reader can change.
+
+    Parameters
+    ----------
+    changeable : Changeable, optional
+        Content whose numbers can be changed, with its ranges; by default that of the campaign's file.
+    """
+    return page(answer, outages_of(campaign), _what_if(answer, changeable or Changeable.of(campaign)), remedies)
 
 
-def _what_if(campaign: Campaign, answer: LinearAnswer) -> WhatIf | None:
-    return what_if_of_answer(as_read(answer), *changeable_content(campaign))
+@dataclass(frozen=True)
+class Changeable:
+    """Content of a campaign file whose numbers can be changed.
+
+    Attributes
+    ----------
+    beside : str
+        Where a changed file is to be saved.
+    ranges : tuple of SpecRange
+        Numbers that lie between two ends, within which the content has one value.
+    """
+
+    content: Content
+    beside: str
+    ranges: tuple[SpecRange, ...] = ()
+
+    @classmethod
+    def of(cls, campaign: Campaign) -> Changeable:
+        """Return that of a campaign's file."""
+        return cls(*changeable_content(campaign), campaign.ranges)
+
+
+def _what_if(answer: LinearAnswer, changeable: Changeable) -> WhatIf | None:
+    what_if = what_if_of_answer(as_read(answer), changeable.content, changeable.beside)
+    return None if what_if is None else replace(what_if, bands=bands_of(what_if.campaign, changeable.ranges))
 
 
 def lincov_table(answer: LinearAnswer) -> Mapping[str, object]:

@@ -75,7 +75,7 @@ def linear_covariance(
     answer = answer_linearly(described, times, gates=gates)
     with one_thread(), scenario_errors(described.file):
         answer = replace(answer, requirements=with_curvature(answer, described))
-        remarks = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
+        about = described.scenario.remarks_on(described.errors.mean, described.errors.covariance)
         stopped = _gates(described)
         if examine is not False and answer.beyond is None:
             answer = _examined(answer, described, math.inf if examine else perf_counter() - began)
@@ -83,7 +83,9 @@ def linear_covariance(
             from mcnav.studies.box import answer_box  # which asks for linear answers of this module
 
             answer = replace(answer, box=answer_box(described, answer))
-    return replace(answer, remarks=remarks, gates=stopped, card=partial(card, outages=outages_of(described)))
+    return replace(
+        answer, remarks=(*described.remarks, *about), gates=stopped, card=partial(card, outages=outages_of(described))
+    )
 
 
 def _examined(answer: LinearAnswer, campaign: Campaign, seconds: float) -> LinearAnswer:

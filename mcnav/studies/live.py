@@ -13,18 +13,20 @@ from typing import Final
 import tomli_w
 
 from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers
-from mcnav.config.overrides import Value, override
+from mcnav.config.overrides import Value, override, parse_document
+from mcnav.config.ranges import SpecRange
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.config.toml import Content
 from mcnav.errors import CampaignError, Problem
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.live import Setting, live_page, live_state
 from mcnav.store.run_files import REPORT
+from mcnav.studies.boxed_run import at_worst
 from mcnav.studies.changeable_content import changeable_content
-from mcnav.studies.lincov import lincov_page
+from mcnav.studies.lincov import Changeable, lincov_page
 from mcnav.studies.linear_answers import linear_covariance
 from mcnav.studies.live_run import REFUSED, RunningCampaign, in_one_line
-from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
+from mcnav.studies.shared_derivatives import SharedDerivatives
 
 MOST: Final = 6
 """Settings that are kept besides the campaign itself."""
@@ -64,6 +66,7 @@ class LiveCampaign:
     def __init__(self, file: Path, folder: Path, jobs: int) -> None:
         self._file, self._folder, self._jobs = file, folder, jobs
         self._inputs: tuple[Path, ...] = ()
+        self._ranges: tuple[SpecRange, ...] = ()
         self._error, self._revision = "", 0
         self._counted, self._tuned = 0, 0
         self._tried: list[_Tried] = []
@@ -92,7 +95,10 @@ class LiveCampaign:
     def page(self) -> str:
         """Return the page as HTML."""
         first = self._tried[0]
-        return page_html(live_page(lincov_page(first.campaign, first.setting.answer), self.state()))
+        beside = f"beside {self._file.name}"
+        changeable = Changeable(first.content, beside, self._ranges) if self._ranges else None
+        shown = lincov_page(first.campaign, first.setting.answer, changeable=changeable)
+        return page_html(live_page(shown, self.state()))
 
     def state(self) -> dict[str, object]:
         """Return what the page shows of the settings, as JSON has it."""
@@ -130,7 +136,8 @@ class LiveCampaign:
                 raise CampaignError([Problem(str(self._file), path, message)])
         chosen = [(numbers[path], factor) for path, factor in factors.items() if factor != 1.0]
         content = override(first.content, values_of(chosen), str(self._file))
-        campaign = _along(parse_campaign(content, str(self._file), self._file.stem), first.campaign)
+        read = parse_campaign(content, str(self._file), self._file.stem)
+        campaign = SharedDerivatives(first.campaign).along(read)
         changed = [(each.path, replace(each, entry=each.multiplied(factor)[each.path]).text) for each, factor in chosen]
         tried = self._try(campaign, content, dict(factors), changed)
         self._tried = [first, *_shortened([*self._tried[1:], tried])]
@@ -170,7 +177,12 @@ class LiveCampaign:
         """Read the file and answer it; runs of settings of the content before go on."""
         campaign = read_campaign(self._file)
         self._inputs = tuple(Path(each.path) for each in campaign.inputs())
-        content, _ = changeable_content(campaign)
+        self._ranges = campaign.ranges
+        if campaign.ranges:
+            document, remarks = at_worst(self._file)
+            campaign, content = replace(parse_document(document, {}), remarks=remarks), document.content
+        else:
+            content, _ = changeable_content(campaign)
         self._revision += 1
         try:
             first = self._try(campaign, content, {}, ())
@@ -199,13 +211,6 @@ class LiveCampaign:
     def _signature(self) -> dict[Path, tuple[int, int] | None]:
         """Return time and size of the file and of those that it names; none of one that is not there."""
         return {path: _state_of(path) for path in (self._file, *self._inputs)}
-
-
-def _along(campaign: Campaign, first: Campaign) -> Campaign:
-    """Return a setting of a campaign that uses the derivatives of the campaign again, where its scenario can."""
-    if isinstance(campaign.scenario, ClosedLoopScenario) and isinstance(first.scenario, ClosedLoopScenario):
-        return replace(campaign, scenario=campaign.scenario.along(first.scenario))
-    return campaign
 
 
 def _shortened(tried: list[_Tried]) -> list[_Tried]:

@@ -37,12 +37,13 @@ from mcnav.files.whole import indented_json, write_texts
 from mcnav.report.document.html import page_html
 from mcnav.report.pages import sweep as report
 from mcnav.report.pages.sweep_page import page
+from mcnav.studies.boxed_run import at_worst
 from mcnav.studies.confirmation import check_count, choose_points, confirm
 from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.sweep_examination import examine_sweep
 from mcnav.studies.sweep_points import LinearPoints, campaign_requirements, in_threads
-from mcnav.workflow.rejections import doubt_about_gates
+from mcnav.workflow.rejections import doubt_about_gates, rejections_of
 
 JOBS: Final = 2
 
@@ -129,7 +130,9 @@ class _Study:
         self._plan, self._progress = plan, progress
         progress.phase(Phase.PREPARING)
         self.variables = read_variables(plan.varied, plan.points)
-        self._varied = VariedCampaign(campaign)  # type: ignore[arg-type]
+        document, remarks = at_worst(campaign, list(plan.varied))  # type: ignore[arg-type]
+        self._settled = [f"{remark[:1].upper()}{remark[1:]}." for remark in remarks]
+        self._varied = VariedCampaign(document)
         described = self._varied.campaign
         self.outputs = described.scenario.outputs
         self.measures, self.times = _measures(described, plan)
@@ -160,7 +163,7 @@ class _Study:
             added=tuple(self.points.beside(self.points.grid())), exceedances=arrays["exceedances"],
             means=arrays["means"],
             gates=gates,
-            remarks=self._remarks(),
+            remarks=(*self._settled, *self._remarks()),
         )  # fmt: skip
         examiner = Examiner(self._plan.examine, perf_counter() - began)
         return examine_sweep(sweep, self.points.campaign_at, examiner)
@@ -169,7 +172,8 @@ class _Study:
         """Say of the campaign, or of the first corner, what rejections of good measurements do to linear analysis."""
         for campaign in (self._varied.campaign, *self._corners()):
             epochs = sorted({epoch for record in campaign.requirements for epoch in record.epochs or ()})
-            if doubt := doubt_about_gates(campaign.scenario, campaign.errors, campaign.tolerance, epochs):
+            _, rejections = rejections_of(campaign.scenario, campaign.errors, campaign.tolerance, epochs)
+            if doubt := doubt_about_gates(rejections, campaign.scenario):
                 return doubt
         return ""
 

@@ -43,6 +43,7 @@ from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
 from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.linear_answers import answer_linearly
+from mcnav.studies.shared_derivatives import SharedDerivatives
 from mcnav.studies.simulated_campaigns import samples_of, simulated
 
 FILE: Final = "tune.json"
@@ -172,6 +173,7 @@ class _Study:
         self._measure: Measure = measure or ("requirement" if judged else "sigma")
         self._active = self._first_settings()
         self._known: dict[str, tuple[float, float]] = {}
+        self._derivatives = SharedDerivatives()
 
     def tuned(self) -> Tuning:
         """Try candidates, and search the box with the cheapest."""
@@ -273,7 +275,7 @@ class _Study:
         for setting in self._active:
             key = f"{beliefs}{setting}"
             if key not in self._known:
-                answer = answer_linearly(boxed.at(setting))
+                answer = answer_linearly(self._derivatives.along(boxed.at(setting)))
                 self._known[key] = _largest_ratio(answer), self._cost(answer)
             ratios.append(self._known[key][0])
             costs.append(self._known[key][1])

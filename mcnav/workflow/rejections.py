@@ -12,11 +12,14 @@ from mcnav.arrays.types import IndexArray
 from mcnav.contract.gates import RejectionLaws
 from mcnav.contract.scenario import Scenario, has_gates
 from mcnav.report.columns.gates import rejection_line
+from mcnav.report.format import number
 from mcnav.sampler.error_model import ErrorModel
 
 READINGS: Final = 5
 """Epochs at which rejections of good measurements are looked at, and as many of those of requirements."""
 
+FEWEST_SEEN: Final = 30
+"""Samples with a rejection from which these show what follows one: an error rarer than that is not seen."""
 
 FLIGHTS: Final = 4_000
 """Flights that begin with a rejection where they are asked for."""
@@ -52,19 +55,28 @@ def rejections_of(
     return laws, judge_by_flights(answer, laws, scenario.outputs, tolerance, count) if count else answer
 
 
-def doubt_about_gates(
-    scenario: Scenario, errors: ErrorModel, tolerance: float, epochs: Sequence[int] = (), fly: bool | None = False
-) -> str | None:
+def doubt_about_gates(rejections: RejectionAnswer | None, scenario: Scenario) -> str | None:
     """Say what rejections of good measurements do where linear analysis does not hold for them.
 
-    Arguments are those of `rejections_of`. Empty where it holds, none without a gate.
+    Empty where it holds, none without a gate.
     """
-    _, rejections = rejections_of(scenario, errors, tolerance, epochs, fly)
     if rejections is None:
         return None
     if rejections.verdict == OnLinear.HOLDS:
         return ""
     return rejection_line(rejections, [output.name for output in scenario.outputs])
+
+
+def unseen_rejections(rejections: RejectionAnswer | None, scenario: Scenario, samples: int) -> tuple[str, ...]:
+    """Say what rejections do that too few samples have for them to show it; nothing where samples show it."""
+    doubt = doubt_about_gates(rejections, scenario)
+    if not doubt or rejections is None or rejections.accepted_by_all is None:
+        return ()
+    seen = samples * (1.0 - rejections.accepted_by_all)
+    if seen >= FEWEST_SEEN:
+        return ()
+    expected = number(seen, 2)
+    return (f"{doubt}. These samples cannot show it: about {expected} of {samples:,} have a rejection",)
 
 
 def _some(numbers: Sequence[int]) -> IndexArray:

@@ -200,10 +200,10 @@ def _way_to_fail(path: Path, manifest: Manifest, number: int) -> ExceedanceRecor
     which = f"; known of {', '.join(map(str, known))}" if known else ""
     if number not in records:
         reason = "flights were chosen for no such requirement" if records else "no requirement is beyond counting"
-        raise RunFolderError(f"{path}: has no most likely way to fail of requirement {number}: {reason}{which}")
+        raise RunFolderError(f"{path}: requirement {number} has no likeliest failure: {reason}{which}")
     if number not in known:
         reason = records[number].refusal or "the run was made by an earlier version; run the campaign with --fresh"
-        raise RunFolderError(f"{path}: has no most likely way to fail of requirement {number}: {reason}{which}")
+        raise RunFolderError(f"{path}: requirement {number} has no likeliest failure: {reason}{which}")
     return records[number]
 
 

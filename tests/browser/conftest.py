@@ -360,6 +360,11 @@ def _lincov(folder: Path, _: Callable[[str], Path]) -> Path:
     return write_lincov(described, folder)[1][-1]
 
 
+def _bent(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Linear analysis that does not hold, examined."""
+    return write_lincov(read_campaign(ROOT / "campaigns" / "14_polar.toml"), folder, examine=True)[1][-1]
+
+
 def _allocate(folder: Path, _: Callable[[str], Path]) -> Path:
     described = read_campaign(ROOT / "campaigns" / "23_lunar_return_updated_once.toml")
     return write_allocation({**described.resolved, "name": NAME}, folder)[1][-1]
@@ -388,6 +393,7 @@ KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,
     "start times": _start_times, "ins start times": _ins_start_times, "linearity": _linearity,
     "calibration": _calibration, "story": _story, "textbook": _textbook, "tn": _tn, "ukfm": _ukfm,
-    "trajectory": _trajectory, "lincov": _lincov, "allocate": _allocate, "sweep": _sweep, "contours": _contours,
+    "trajectory": _trajectory, "lincov": _lincov, "bent": _bent, "allocate": _allocate, "sweep": _sweep,
+    "contours": _contours,
 }  # fmt: skip
 """What makes each kind of page, in a folder of its own."""

@@ -40,7 +40,8 @@ def _bottom(page: Any, selector: str) -> float:
 
 
 STUDIES = (
-    "lincov", "sweep", "contours", "allocate", "comparison", "start times", "ins start times", "linearity", "index",
+    "lincov", "bent", "sweep", "contours", "allocate", "comparison", "start times", "ins start times", "linearity",
+    "index",
 )  # fmt: skip
 """Pages of studies, whose answer may be so short that folds stand on the first screen as well."""
 
@@ -62,6 +63,16 @@ def test_one_screen_is_the_answer(browser: Browser, page_of: Callable[[str], Pat
         assert page.evaluate("document.documentElement.scrollHeight") < 2 * HEIGHT
     with browser.opened(page_of(kind), 380, folded=True) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= 380
+
+
+def test_the_first_screen_states_a_corrected_sigma_beside_the_linear_one(
+    browser: Browser, page_of: Callable[[str], Path]
+) -> None:
+    """Campaign 14, whose check values are 52.167 and 20 m."""
+    with browser.opened(page_of("bent"), 1280, HEIGHT, folded=True) as page:
+        shown = page.locator(".first-screen").inner_text()
+        assert "Sigma to second order: y 52.2 m (linear 20.0)." in shown
+        assert "Together it does not" in shown
 
 
 def test_a_link_opens_the_fold_of_its_target(browser: Browser, page_of: Callable[[str], Path]) -> None:

@@ -11,7 +11,7 @@ from tests.browser.conftest import Browser
 
 pytestmark = pytest.mark.slow
 
-PAGES = ("index", "tutorial-aided", "campaigns", "reference/commands", "reference/api", "reference/examples")
+PAGES = ("index", "campaigns", "reference/api")
 """Pages with everything there is between them: prose, code, tables, signatures, a picture."""
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from tests.calibration.box_trials import CSV as BOXES_CSV
+from tests.calibration.box_trials import write_boxes
 from tests.calibration.page import CSV, write_calibration
 
 
@@ -15,9 +17,14 @@ def main() -> None:
     )
     parser.add_argument("--trials", type=int, default=100, help="campaigns of each kind [default: 100]")
     parser.add_argument("--jobs", type=int, default=2, help="parallel processes [default: 2]")
-    parser.add_argument("--alone", choices=("rare", "judge"), default="", help="measure these, keep the other rates")
+    parser.add_argument(
+        "--alone", choices=("rare", "judge", "boxes"), default="", help="measure these, keep the other rates"
+    )
     parser.add_argument("--out", type=Path, default=Path("reports/calibration"), help="[default: reports/calibration]")
     options = parser.parse_args()
+    if options.alone == "boxes":
+        write_boxes(options.out / BOXES_CSV)
+        return
     if options.alone and not (options.out / CSV).is_file():
         parser.error(
             f"{options.out / CSV}: no such file; --alone keeps the other rates, which a study without it measures"

@@ -145,7 +145,7 @@ def main(file: Path, earlier: Path | None) -> None:
     """Examine all variants and write a file of rows; an earlier file has the answers of samples, which are kept."""
     known = {} if earlier is None else read_answers(earlier)
     with one_thread(), file.open("w", encoding="utf-8", newline="") as stream:
-        writer, rows = csv.writer(stream), list[Row]()
+        writer, rows = csv.writer(stream, lineterminator="\n"), list[Row]()
         writer.writerow(field.name for field in fields(Row))
         for name, variant in VARIANTS:
             for row in rows_of(name, variant, known.get((name, variant), {})):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.remedies import DOUBTED
@@ -21,11 +23,16 @@ from mcnav.config.overrides import override
 from mcnav.config.read import Campaign, campaign_from, parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.report.pages.tune import verdict
+from mcnav.report.statements.sweep import remarks
+from mcnav.studies import boxed_run
+from mcnav.studies.allocate import allocate
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
-from mcnav.studies.boxed_run import campaign_to_run
+from mcnav.studies.boxed_run import at_worst, campaign_to_run
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linear_answers import answer_linearly
+from mcnav.studies.live import LiveCampaign
+from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.studies.tune import tune
 from tests.commands import invoke
 
@@ -201,8 +208,6 @@ def test_beliefs_that_are_stated_are_kept() -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    import tomli_w
-
     path = tmp_path_factory.mktemp("box")
     ranges = {"aiding.gnss.position": "1..8 m", "imu.gyro.bias_instability.sigma": "0.2..1 deg/h"}
     (path / "box.toml").write_text(tomli_w.dumps(override(AIDED, ranges)), encoding="utf-8")
@@ -243,6 +248,48 @@ def test_at_nominal_and_without_ranges(folder: Path) -> None:
     assert nominal.remarks[0].startswith("the campaign has ranges; it is simulated at the upper ends: ")
     plain = campaign_with({})
     assert campaign_to_run(plain, None, {}) is plain
+
+
+EARLY: dict[str, Any] = {"aiding.gnss.outages": [["50..85 s", "90 s"]], "aiding.gnss.position": "1..3 m"}
+"""Ranges that are worst at the lower end of one: an outage that begins early."""
+
+
+def test_studies_stand_at_the_worst_setting_and_say_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the upper ends are not the worst: an outage from 50 s on is longer than one from 85 s on."""
+    campaign = campaign_with(EARLY)
+    nominal = answer_linearly(campaign)
+    box = answer_box(campaign, nominal)
+    monkeypatch.setattr(boxed_run, "_box", lambda boxed: box)  # each of the studies would search it again
+    document, (remark,) = at_worst(campaign)
+    assert document.content["aiding"][0]["outages"] == [["50.0 s", "90 s"]]
+    assert "aiding.gnss.outages.1.1 = 50.0 s" in remark
+    plain = answer_linearly(
+        campaign_with({**EARLY, "aiding.gnss.outages": [["50 s", "90 s"]], "aiding.gnss.position": "3 m"})
+    )
+    worst = plain.requirements[1].value
+    assert worst > 1.5 * nominal.requirements[1].value
+    swept = run_sweep(campaign, SweepPlan({"imu.gyro.bias": "1, 2 deg/h"}, (), examine=False))
+    assert swept.values[0, 1] == pytest.approx(worst, rel=1e-9)
+    assert any(line.startswith("Ranges are at the worst setting") for line in remarks(swept))
+    found = allocate(campaign, confirm=0, examine=False)
+    assert found.answer.requirements[1].value == pytest.approx(worst, rel=1e-9)
+    assert remark in capsys.readouterr().err
+
+
+def test_live_has_bands_and_the_worst_setting(tmp_path: Path) -> None:
+    """Sizes have bands from end to end about the value at which they stand."""
+    (tmp_path / "box.toml").write_text(tomli_w.dumps(override(AIDED, EARLY)), encoding="utf-8")
+    live = LiveCampaign(tmp_path / "box.toml", tmp_path, 1)
+    page = live.page()
+    assert "worst setting of the tightest requirement by linear analysis: aiding.gnss.outages.1.1 = 50.0 s" in page
+    (slider,) = re.findall(r'{"path":"aiding.gnss.position"[^}]*}', page)
+    low, high = json.loads(slider)["band"]
+    assert (low, high) == pytest.approx((1.0 / 3.0, 1.0))
+    live.tune(1, {"aiding.gnss.position": low})
+    first, changed = live.state()["settings"]  # type: ignore[misc]
+    assert float(changed["sigmas"][0]["shown"]) < float(first["sigmas"][0]["shown"])
 
 
 def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model() -> None:

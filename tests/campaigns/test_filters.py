@@ -78,7 +78,10 @@ def test_one_command_gives_one_table(folder: Path) -> None:
         assert row["sigma_heading"] == summary["filter"]["outputs"]["heading"]["sigma_true"]
         assert row["nees_navigation_low"] < row["nees_navigation"] < row["nees_navigation_high"]
         assert row["milliseconds"] > 0.0
-    assert (folder / "out" / "filters.html").exists()
+    page = (folder / "out" / "filters.html").read_text(encoding="utf-8")
+    first, _ = page.split('<details class="fold"', 1)
+    assert "right-invariant: " in first  # with its accuracy and cost
+    assert " ms a sample" in first
 
 
 def test_the_time_of_long_comparisons_is_told_beforehand(capsys: pytest.CaptureFixture[str]) -> None:

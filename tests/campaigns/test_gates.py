@@ -25,6 +25,7 @@ from mcnav.studies.allocate import allocate
 from mcnav.studies.lincov import lincov_table
 from mcnav.studies.linear_answers import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
+from mcnav.workflow.rejections import rejections_of, unseen_rejections
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.what_if import what_if_of_run
 
@@ -257,6 +258,73 @@ def test_flights_that_begin_with_a_rejection_are_those_of_samples() -> None:
     assert np.all(np.sqrt(expected[:3]) > 1.2 * np.sqrt(variances[:3]))
     apart = np.hypot(error, own_error)
     assert np.all(np.abs(variances + excess - expected) < stats.norm.isf(0.5 * FALSE_ALARM / len(apart)) * apart)
+
+
+ALPHA = 1e-4
+FIXES = (12.0, 14.0, 16.0, 18.0, 20.0, 30.0, 40.0, 50.0, 60.0)
+
+
+def seldom_lost(samples: int) -> dict[str, Any]:
+    """Describe a speed of 0.5 m/s that centimetres measure: a flight whose first fix is rejected rejects them all."""
+    trajectory = {"rate": "1 Hz", "start": {"latitude": "47 deg", "longitude": "9 deg", "altitude": "500 m"},
+                  "segments": [{"hold": "60 s"}]}  # fmt: skip
+    return {
+        "samples": samples,
+        "scenario": {"type": "ins", "trajectory": trajectory},
+        "imu": {},
+        "errors": {"velocity_north": "0.5 m/s", "position_east": "1 mm"},
+        "aiding": [{"type": "gnss", "instants": [f"{time:g} s" for time in FIXES], "position": {"north": "1 cm"}}],
+        "filter": {"estimates": ["position", "velocity", "attitude"], "gate": 1.0 - ALPHA},
+    }
+
+
+def lost_squares(count: int) -> np.ndarray:
+    """Return squared positions, m^2, after the last fix by a filter of position and speed whose first fix is rejected.
+
+    Its whitened innovation is drawn from the tail beyond the gate, and the speed by its law given that innovation.
+    Gravity changes them by the square of 60 s over the Schuler period's 806 s, less than 1 %.
+    """
+    rng, limit = np.random.default_rng(3), stats.chi2.isf(ALPHA, 1)
+    first, noise, variance = FIXES[0], 1e-4, 0.25
+    total = first**2 * variance + noise
+    innovations = np.sqrt(total * stats.chi2.isf(ALPHA * rng.random(count), 1)) * rng.choice([-1.0, 1.0], count)
+    gain = first * variance / total
+    speeds = gain * innovations + np.sqrt(variance - gain**2 * total) * rng.standard_normal(count)
+    states = np.column_stack([first * speeds, speeds])  # errors of the filter, which has taken nothing
+    covariances = np.tile(variance * np.array([[first**2, first], [first, 1.0]]), (count, 1, 1))
+    for step in np.diff(FIXES):
+        move = np.array([[1.0, step], [0.0, 1.0]])
+        states, covariances = states @ move.T, move @ covariances @ move.T
+        innovations = states[:, 0] + np.sqrt(noise) * rng.standard_normal(count)
+        totals = covariances[:, 0, 0] + noise
+        gains = np.where((innovations**2 > limit * totals)[:, None], 0.0, covariances[:, :, 0] / totals[:, None])
+        states -= gains * innovations[:, None]
+        covariances -= totals[:, None, None] * gains[:, :, None] * gains[:, None, :]
+    return np.asarray(states[:, 0] ** 2)
+
+
+def test_a_run_says_what_its_samples_are_too_few_to_show(tmp_path: Path) -> None:
+    """One flight in ten thousand is lost, which multiplies the rms by 200: 200 samples agree with linear analysis.
+
+    Other first rejections cause less than a thousandth of the mean square. By 400,000 samples of a flight five times as
+    long the ratio is 222 (177 to 273), by its flights that begin with a rejection 202.
+    """
+    campaign = parse_campaign(seldom_lost(200), "mine.toml", "mine")
+    summary = run_campaign(campaign, tmp_path, "ensemble", 1).summary
+    assert summary["verdict"] == "agrees"
+    (remark,) = (remark for remark in summary["remarks"] if "begin with a rejection" in remark)
+    assert "linear sigmas do not hold" in remark
+    assert "These samples cannot show it: about 0.18 of 200 have a rejection" in remark
+    assert remark in (tmp_path / "report.html").read_text(encoding="utf-8")
+    _, rejections = rejections_of(campaign.scenario, campaign.errors, campaign.tolerance, fly=None)
+    assert rejections is not None
+    flown, squares = rejections.by_flights, lost_squares(20_000)
+    assert flown is not None
+    expected = np.sqrt(ALPHA * squares.mean())
+    own_error = 0.5 * expected * squares.std() / squares.mean() / np.sqrt(len(squares))
+    apart = stats.norm.isf(0.5 * FALSE_ALARM) * np.hypot(own_error, flown.error[0])
+    assert abs(flown.rms[0] - expected) < apart + 0.01 * expected
+    assert unseen_rejections(rejections, campaign.scenario, 40_000) == ()
 
 
 def test_samples_show_the_lockout_that_linear_analysis_cannot(tmp_path: Path) -> None:

@@ -162,7 +162,7 @@ def test_statistics_of_the_record_are_in_the_file() -> None:
 def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     folder = recorded(False)
     campaign, imu, gnss = folder / "flight.toml", folder / "imu.csv", folder / "gnss.csv"
-    assert "expected CAMPAIGN and --imu FILE, or --errors TABLE" in refused("judge", campaign)
+    assert "mcnav judge needs CAMPAIGN and --imu FILE, or --errors TABLE" in refused("judge", campaign)
     assert "expected --measurements gnss=FILE" in refused("judge", campaign, "--imu", imu)
     named = ("judge", campaign, "--imu", imu, "--measurements")
     assert "has no such sensor; it has gnss" in refused(*named, f"gps={gnss}")

@@ -1,7 +1,7 @@
 """Code compiled in a process and code loaded from disk give the same bits, in whichever order it is loaded.
 
-What a process compiles here is stored where all tests find it. These tests therefore come first (`tests/conftest.py`),
-so that hardly any other compiles.
+What a process compiles here is stored where all tests find it: the kernels of reentry. The test therefore comes first
+(`tests/conftest.py`).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ print("compiles" if compilations.buffer else "loads", file=sys.stderr)
 """
 
 
-def bits(code: str, order: str) -> list[str]:
-    """Run code in a process that either loads nothing and stores what it compiles, or compiles nothing.
+def bits(order: str) -> list[str]:
+    """Run `CODE` in a process that either loads nothing and stores what it compiles, or compiles nothing.
 
     Parameters
     ----------
@@ -41,88 +41,67 @@ def bits(code: str, order: str) -> list[str]:
         ``compile``, or, of loaded code, ``forwards`` or ``backwards``.
     """
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = run_to_end([sys.executable, "-c", BEGIN + code + END, order], cwd=ROOT, env=environment)
+    done = run_to_end([sys.executable, "-c", BEGIN + CODE + END, order], cwd=ROOT, env=environment)
     assert done.returncode == 0, done.stderr
     assert done.stderr.splitlines()[-1] == ("compiles" if order == "compile" else "loads")
     return done.stdout.splitlines()
 
 
-REENTRY_AND_STEADY = """
+CODE = """
 from pathlib import Path
 from mcnav.config.read import read_campaign
-from mcnav.contract.engine import has_histories, without_noise
-from mcnav.contract.samples import Batch
+from mcnav.contract.engine import without_noise
 from mcnav.runner.draws import DrawPlan
-from mcnav.numerics.power_sums import sum_powers_about_zero
+from mcnav.systems.ins.earth import WGS84
+from mcnav.systems.ins.reference.collocation import STATE, advance
+from mcnav.systems.ins.reference.earth_fixed_errors import gravitation_gradients
+from mcnav.systems.ins.reference.normal_field import field_constants, normal_gravitation_at
 
-def final(name, engine, samples):
-    printed(f"{name}, final errors", without_noise(engine)(samples).values)
-
-def histories_of(engine, samples):
-    if has_histories(engine):
-        return engine.histories(samples)
-    return engine.simulate(Batch(np.arange(len(samples)), samples, 1)).history
-
-def history(name, engine, samples):
-    printed(f"{name}, histories", histories_of(engine, samples))
-
-def moments(name, engine, samples):
-    apart = has_histories(engine)
-    sums = engine.history_sums(samples) if apart else sum_powers_about_zero(histories_of(engine, samples))
-    printed(f"{name}, sums", sums.sums)
-
-for file in ("01_tn_d1772_trajectory_4", "11_cruise", "12_hover"):
-    campaign = read_campaign(Path("campaigns") / f"{file}.toml")
+def final(campaign, engine, samples):
     draws = DrawPlan(campaign.errors, campaign.design, campaign.seed, campaign.samples)
-    scenario = campaign.scenario
-    calls = [
-        lambda: printed(f"{file}, partial derivatives", scenario.linear().end.partials),
-        lambda: final(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
-        lambda: history(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
-        lambda: moments(f"{file}, ensemble", scenario.engine("ensemble", draws.probes()), draws.draw(0, 200)),
-        lambda: final(f"{file}, reference", scenario.engine("reference", draws.probes()), draws.draw(0, 3)),
-    ]
-    for call in reversed(calls) if sys.argv[1] == "backwards" else calls:
-        call()
+    return without_noise(campaign.scenario.engine(engine, draws.probes()))(draws.draw(0, samples)).values
+
+def history(draws, samples):
+    return reentry.scenario.engine("ensemble", draws.probes()).histories(draws.draw(0, samples))
+
+def sums(draws, samples):
+    return reentry.scenario.engine("ensemble", draws.probes()).history_sums(draws.draw(0, samples)).sums
+
+def step():
+    state = np.array([1.0, 0.1, -0.2, 0.3, 7e3, 1e2, -3e3, *position[0]])
+    readings = np.linspace(-1e-3, 2e-3, 90).reshape(5, 3, 6) * [1.0, 1.0, 1.0, 1e3, 1e3, 1e3]
+    states = np.empty((5, STATE))
+    outcome, steps = advance(field, WGS84.rotation_rate, 6e6, np.full(5, 0.5), readings, state, states)
+    return np.array([*state, *states.ravel(), outcome, steps])
+
+reentry, hover = (
+    read_campaign(Path("campaigns") / f"{file}.toml") for file in ("01_tn_d1772_trajectory_4", "12_hover")
+)
+draws = DrawPlan(reentry.errors, reentry.design, reentry.seed, reentry.samples)
+field, position = field_constants(WGS84), np.array([[6.5e6, 1e5, -2e5]])
+calls = {
+    "reentry, partial derivatives": lambda: reentry.scenario.linear().end.partials,
+    "reentry, final errors": lambda: final(reentry, "ensemble", 200),
+    "reentry, histories": lambda: history(draws, 200),
+    "reentry, sums": lambda: sums(draws, 200),
+    "reentry, reference": lambda: final(reentry, "reference", 3),
+    "hover, reference": lambda: final(hover, "reference", 3),
+    "gravitation": lambda: normal_gravitation_at(field, position),
+    "gradients of gravitation": lambda: gravitation_gradients(field, position),
+    "steps of a navigator": step,
+}
+names = list(calls)
+for name in reversed(names) if sys.argv[1] == "backwards" else names:
+    printed(name, calls[name]())
 """
 
 
 def test_compiled_and_loaded_code_give_the_same_bits() -> None:
-    """Linear model, final errors, histories and sums, by both engines, of reentry, cruise and hover."""
-    compiled, loaded, backwards = (bits(REENTRY_AND_STEADY, order) for order in ("compile", "forwards", "backwards"))
-    assert len(compiled) == 15
+    """Of all kinds of kernels whose callers contain a copy of code that is also called for itself.
+
+    Those of inertial navigation's samples and linear analysis have none (`tests/unit/compiled/test_objects.py`).
+    """
+    compiled, loaded, backwards = (bits(order) for order in ("compile", "forwards", "backwards"))
+    assert len(compiled) == 9
     assert loaded == compiled
     assert sorted(backwards) == sorted(compiled)
-
-
-INERTIAL = """
-from mcnav.systems.ins.scenario import Ins, Navigation
-from mcnav.contract.samples import Batch
-from tests.cross.test_ins_aided import END, SIGMAS, START, WALK, draw, scenario
-from tests.flights import flight
-
-aided = scenario(("gnss", "altimeter", "stars", "doppler", "compass"))
-errors = draw(19, SIGMAS, 1, aided)
-free = Ins(Navigation(flight(1.0), "strapdown", START, START + 60.0, WALK))
-size = len(free.sources)
-for name in ("ensemble", "reference"):
-    found = free.engine(name, errors[:, :size]).simulate(Batch(np.arange(2), errors[:2, :size], 1))
-    for values in (found.values, found.linear_values, found.history):
-        printed(f"free, {name}", values)
-for name, of in (("free", free), ("aided", aided)):
-    linear = of.linear().end
-    printed(f"{name}, partial derivatives", linear.partials)
-    printed(f"{name}, processes", np.stack([linear.processes[name] for name in sorted(linear.processes)]))
-printed("own covariance", aided.filter_prediction().covariance)
-for name in ("ensemble", "shared-gains"):
-    found = aided.engine(name, errors).simulate(Batch(np.arange(19), errors, 1))
-    for values in (found.values, found.linear_values, found.history, found.filter_values):
-        printed(f"aided, {name}", values)
-"""
-
-
-def test_compiled_and_loaded_code_of_inertial_navigation_give_the_same_bits() -> None:
-    """Free and aided: errors, linear errors, histories and records of the filters by each engine; linear covariance."""
-    compiled, loaded = (bits(INERTIAL, order) for order in ("compile", "forwards"))
-    assert len(compiled) == 19
-    assert loaded == compiled

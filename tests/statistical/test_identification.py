@@ -27,7 +27,7 @@ from tests.calibration.static_records import TrueNoise, simulate_record
 from tests.calibration.table import rates
 
 FALSE_ALARM = 1e-4
-TRIALS = 2
+TRIALS = 1
 
 
 @pytest.mark.slow

@@ -63,7 +63,7 @@ def series_of(dispersion: Dispersion, truth: bool) -> Series:
     name = f"{kind}-{route.split()[0].lower()}"
     if route == "filter":
         line = KINDS["own"][1] if truth else "line"
-        return Series(name, f"{SUBJECTS[kind]}, filter's own" if truth else "filter's own", FILTER, line)
+        return Series(name, f"{SUBJECTS[kind]}, filter" if truth else "filter", FILTER, line)
     if truth:
         return Series(name, f"{SUBJECTS[kind]}, {route}", ROUTES[route], KINDS[kind][1])
     return Series(name, route, ROUTES[route])

@@ -29,14 +29,14 @@ ERRORS: Final = (
 )  # fmt: skip
 """Navigation errors and their units."""
 
-STATED: Final = Series("stated", f"filter's own, ±{MULTIPLE:g}σ", BAND, "area")
+STATED: Final = Series("stated", f"filter, ±{MULTIPLE:g}σ", BAND, "area")
 ACCEPTED, REJECTED = Series("accepted", "accepted", LINEAR, "dot"), Series("rejected", "rejected", FLOWN, "ring")
 CORRELATION: Final = Series("correlation", "autocorrelation", LINEAR)
 WHITE: Final = Series("white", "95 % of white noise", BAND, "area")
 COUNTED: Final = Series("counted", "innovations", AREA, "area")
 NORMAL: Final = Series("normal", "normal distribution", FILTER)
 ERROR: Final = Series("error", "error against the reference", POINT)
-OWN: Final = Series("filter", f"filter's own, ±{MULTIPLE:g}σ", FILTER)
+OWN: Final = Series("filter", f"filter, ±{MULTIPLE:g}σ", FILTER)
 PREDICTED: Final = Series("linear", f"simulated records, ±{MULTIPLE:g}σ", LINEAR)
 
 

@@ -28,7 +28,7 @@ Outages = Mapping[str, Sequence[tuple[float, float]]]
 """Begin and end of the outages of each sensor, in the unit of the history's times."""
 
 TRUE: Final = Series("linear", "linear, 1σ", LINEAR)
-STATED: Final = Series("filter", "filter's own, 1σ", FILTER)
+STATED: Final = Series("filter", "filter, 1σ", FILTER)
 LIMIT: Final = Series("limit", "limit", INK)
 SIZE: Final = Series("size", "linear", LINEAR)
 COUNTED: Final = Series("counted", "epochs that count", INK, "dot")
@@ -151,15 +151,38 @@ def contributors(answer: LinearAnswer) -> list[Contributor]:
     return ranked(grouped, parts.mean(axis=1).tolist(), parts.max(axis=1, initial=0.0), len(labels) <= len(active))
 
 
-def budget(answer: LinearAnswer) -> Figure | None:
-    """Draw the share of each contributor in each output's final variance; none without dispersion."""
+def departures(answer: LinearAnswer) -> dict[str, float]:
+    """Return by how much each output departs: the largest logarithm of true over filter sigma, zero without a filter.
+
+    Outputs that do not move are left out.
+    """
+    history = answer.meaningful
+    if history is None:
+        return {}
+    names = [humanize(output.name) for output in answer.outputs]
+    away = dict.fromkeys((names[i] for i in _moving(history)), 0.0)
+    own = history.sigma_filter
+    for i in [] if own is None else _moving(history):
+        known = (own[:, i] > 0.0) & (history.sigma[:, i] > 0.0)  # type: ignore[index]
+        if known.any():
+            away[names[i]] = float(np.abs(np.log(history.sigma[known, i] / own[known, i])).max())  # type: ignore[index]
+    return away
+
+
+def budget(answer: LinearAnswer, foremost: Sequence[str] = ()) -> Figure | None:
+    """Draw the share of each contributor in each output's final variance; none without dispersion.
+
+    ``foremost``: the outputs that are drawn, by default all.
+    """
     parts = contributors(answer)
+    names = [humanize(output.name) for output in answer.outputs]
+    picked = [i for i, name in enumerate(names) if not foremost or name in foremost]
     return None if not parts else shares_figure(
         "Error budget at the end",
         "Share of each cause in the final variance of each output, in per cent.",
         ("cause", cause_labels(answer)),
-        [humanize(output.name) for output in answer.outputs],
-        {"": ("At the end", np.nan_to_num(answer.budget.attributed))},
+        [names[i] for i in picked],
+        {"": ("At the end", np.nan_to_num(answer.budget.attributed)[picked])},
         parts,
         answer.budget.crossed,
     )  # fmt: skip

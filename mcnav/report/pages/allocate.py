@@ -29,6 +29,7 @@ from mcnav.report.pages.lincov import (
     units_shown,
 )
 from mcnav.report.pages.screen import answered
+from mcnav.report.statements.details import remarks_in
 from mcnav.report.statements.lincov import large_mean_words
 from mcnav.report.statements.words import several
 
@@ -462,7 +463,12 @@ def page(allocation: Allocation) -> Page:
         table = grade_table(allocation, allocation.grades)
         parts: list[Part] = [Sentence(grade_words(allocation.grades)), *([table] if table.rows else [])]
         sections.append(Section("grades", "By one grade of the catalogue", parts))
-    explained = [*examined_words(allocation), EXPLANATION, basis_words(allocation)]
+    explained = [
+        *remarks_in(allocation.answer.remarks),
+        *examined_words(allocation),
+        EXPLANATION,
+        basis_words(allocation),
+    ]
     return answered(Page(
         f"{name}: allocation", "Allocation of errors", name,
         [*_mean_errors(allocation), Verdict(words, tone, explained), asked], sections,

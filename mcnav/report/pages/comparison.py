@@ -128,15 +128,16 @@ def inputs(manifests: Sequence[Manifest]) -> pd.DataFrame:
     import pandas as pd  # slow to import: a fifth of a second
 
     flat = [
-        dict(_flat(each.campaign))
-        | {"engine": each.engine}
-        | ({} if each.revision is None else {"revision": str(each.revision)})
-        | {f"version of {name}": text for name, text in each.versions.items()}
-        | {f"files.{name}": f"SHA-256 {text}" for name, text in each.files.items()}
-        for each in (manifest.identity for manifest in manifests)
+        dict(_flat(inputs.campaign))
+        | {"engine": inputs.engine}
+        | ({} if inputs.revision is None else {"revision": str(inputs.revision)})
+        | {f"version of {name}": text for name, text in inputs.versions.items()}
+        | {f"files.{name}": f"SHA-256 {text}" for name, text in inputs.files.items()}
+        for inputs in (manifest.identity for manifest in manifests)
     ]
     rows = {
-        key: [each.get(key, ABSENT) for each in flat] for key in dict.fromkeys(key for each in flat for key in each)
+        key: [inputs.get(key, ABSENT) for inputs in flat]
+        for key in dict.fromkeys(key for inputs in flat for key in inputs)
     }
     changed = {key: values for key, values in rows.items() if key != "name" and len(set(values)) > 1}
     if (more := len(changed) - MOST_INPUTS) > 0:

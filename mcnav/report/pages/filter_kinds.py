@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from mcnav.analysis.filter_kinds import HEADING, HORIZONTAL, KindComparison, KindResult
-from mcnav.report.document.parts import Facts, Note, Page, Part, Section, Sentence, Verdict, Verdicts
+from mcnav.report.document.parts import Facts, Findings, Note, Page, Part, Section, Sentence, Verdict, Verdicts
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Band, Interval, Line, Mark, Panel, Points, Rule, Series, Span
@@ -27,8 +27,8 @@ GROUPS: Final = ("navigation", "position", "velocity", "attitude")
 """Groups of errors in the data."""
 
 NOTES: Final = (
-    "Every kind has the same samples and the same noise, by the reference engine. The ratio is that of the true sigma "
-    "to the filter's own where the verdict is decided, over the whole flight.",
+    "Every kind has the same samples and the same noise, by the reference engine. The ratio is true sigma "
+    "÷ filter sigma where the verdict is decided, over the whole flight.",
     "Its interval is that of all epochs together. NEES and sigmas are those at the end. Horizontal position is DRMS, "
     "the root of the sum of two variances.",
     "To first order all kinds are one filter: linear analysis has one answer. What a sample takes is its computing "
@@ -45,15 +45,27 @@ def page(comparison: KindComparison) -> Page:
     """Return the page."""
     facts = Facts([("kinds", ", ".join(comparison.kinds)), *(
         [] if comparison.variable is None else
-        [(comparison.variable.path, ", ".join(shown(comparison.variable, each) for each in comparison.variable.values))]
-    ), ("samples", ", ".join(sorted({f"{each.summary.samples:,}" for each in comparison.results})))])  # fmt: skip
+        [(comparison.variable.path, ", ".join(shown(comparison.variable, at) for at in comparison.variable.values))]
+    ), ("samples", ", ".join(sorted({f"{result.summary.samples:,}" for result in comparison.results})))])  # fmt: skip
     varied = comparison.variable is not None and not comparison.variable.words
     figure = over_values(comparison) if varied else kind_ratios(comparison)
     sections = [Section("kinds", "Kinds of filters", [figure, kind_table(comparison), facts, *map(Note, NOTES)])]
-    head: list[Part] = [*_mean_errors(comparison), Verdicts([_verdict(comparison)])]
+    head: list[Part] = [*_mean_errors(comparison), Verdicts([_verdict(comparison)]), *_accuracy_and_cost(comparison)]
     return answered(
         Page(f"{comparison.campaign}: filters", "Kinds of filters", comparison.campaign, head, sections), rest="Filter"
     )
+
+
+def _accuracy_and_cost(comparison: KindComparison) -> list[Part]:
+    """List what each kind gives and takes, the worst verdict first; nothing where a key is varied."""
+    if comparison.variable is not None:
+        return []
+    rows = []
+    for result in sorted(comparison.results, key=_standing):
+        drms, cost = number(result.sigmas(HORIZONTAL)[0], 3), number(result.milliseconds, 2)
+        tone = TONES.get(result.verdict, "undecided")
+        rows.append((result.verdict, tone, f"{result.kind}: {drms} m DRMS, {cost} ms a sample"))
+    return [Findings(rows, name="Kinds")]
 
 
 def _mean_errors(comparison: KindComparison) -> list[Part]:
@@ -66,10 +78,10 @@ def _verdict(comparison: KindComparison) -> Verdict:
     """Say which kinds are consistent, or from which value on each is optimistic."""
     if comparison.variable is None:
         groups: dict[str, list[str]] = {}
-        for each in sorted(comparison.results, key=_standing):
-            groups.setdefault(each.verdict, []).append(each.kind)
-        words = [f"{joined(kinds)} {'is' if len(kinds) == 1 else 'are'} {each}" for each, kinds in groups.items()]
-        tones = {TONES.get(each.verdict, "undecided") for each in comparison.results}
+        for result in sorted(comparison.results, key=_standing):
+            groups.setdefault(result.verdict, []).append(result.kind)
+        words = [f"{joined(kinds)} {'is' if len(kinds) == 1 else 'are'} {verdict}" for verdict, kinds in groups.items()]
+        tones = {TONES.get(result.verdict, "undecided") for result in comparison.results}
         return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index), _worst_ratio(comparison))
     words = []
     for kind, begin in comparison.optimistic_from.items():
@@ -91,7 +103,7 @@ def _worst_ratio(comparison: KindComparison) -> list[str]:
         return []
     ratio, worst = max(wrong, key=lambda pair: pair[0])
     of = humanize(worst.decided_by)
-    return [f"Worst: {of} errors of {worst.kind} are {number(ratio, 2)} times what its covariance states."]
+    return [f"Worst: {of} errors of {worst.kind} are {number(ratio, 2)} times what it computes."]
 
 
 def kind_table(comparison: KindComparison) -> Table[KindResult]:
@@ -100,7 +112,7 @@ def kind_table(comparison: KindComparison) -> Table[KindResult]:
     columns: list[Column[KindResult]] = [
         Column("Kind", lambda row: row.kind, kind="label"),
         Column("Verdict", lambda row: Cell(row.verdict, tone=TONES.get(row.verdict)), kind="text"),
-        Column("True σ / filter σ", _factor, "true / own"),
+        Column("True σ / filter σ", _factor, "true / filter"),
         Column("Decided by", lambda row: humanize(row.decided_by), kind="words", spare=3),
         Column("NEES / 9 at the end", _nees, "NEES / 9"),
         Column("Horizontal position, true DRMS (filter's)", lambda row: _sigmas(row, HORIZONTAL, 1.0),

@@ -263,7 +263,9 @@ def _repeated(axis: AxisReport) -> str:
     spread, unit = axis.repeatability, RATES[axis.instrument]
     if spread is None:
         return "–"
-    value, low, high = (number(each * conversion(axis.unit, unit)) for each in (spread.value, spread.low, spread.high))
+    value, low, high = (
+        number(bound * conversion(axis.unit, unit)) for bound in (spread.value, spread.low, spread.high)
+    )
     return f"{value} ({low} to {high}) {unit}"
 
 
@@ -279,7 +281,7 @@ def remarks(report: IdentificationReport) -> Iterator[str]:
         for place, goodness in enumerate(axis.goodness):
             where = axis.name if len(axis.goodness) == 1 else f"{axis.name} in {report.logs[place].name}"
             yield from (f"{where}: {departure}" for departure in _departures(axis, goodness))
-        yield from (f"{axis.name}: {each}" for each in _of_resolution(axis))
+        yield from (f"{axis.name}: {sentence}" for sentence in _of_resolution(axis))
         if axis.fitted.rivals:
             yield f"{axis.name}: the logs cannot tell {' or '.join(axis.fitted.ambiguities)}"
         if axis.agreement is not None and axis.agreement < 0.05:

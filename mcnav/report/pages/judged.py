@@ -76,7 +76,7 @@ def factor_words(number_: CauseVerdict) -> str:
     if factor.value >= 1.0:
         value, low, high, side = factor.value, factor.low, factor.high, "small"
     else:
-        value, low, high = (1.0 / each if each > 0.0 else np.inf for each in (factor.value, factor.high, factor.low))
+        value, low, high = (1.0 / bound if bound > 0.0 else np.inf for bound in (factor.value, factor.high, factor.low))
         side = "large"
     interval = f"at least {number(low, 3)}" if np.isinf(high) else f"{number(low, 3)} to {number(high, 3)}"
     return f"the {named(number_)} is {number(value, 3)} times too {side}: {interval}"
@@ -198,8 +198,8 @@ def _capital(text: str) -> str:
 
 def power(judgement: Judgement) -> tuple[str, ...]:
     """Say what this record could have shown, a sentence for what it shows and one for what it does not."""
-    found = sorted((cause.noticed, humanize(cause.name)) for cause in judgement.causes if cause.noticed is not None)
-    shown = [f"{name} × {factor:g}" for factor, name in found]
+    noticed = sorted((cause.noticed, humanize(cause.name)) for cause in judgement.causes if cause.noticed is not None)
+    shown = [f"{name} × {factor:g}" for factor, name in noticed]
     hidden = [humanize(cause.name) for cause in judgement.causes if cause.noticed is None]
     sentences = []
     if shown:

@@ -99,7 +99,7 @@ def largest_causes(answer: LinearAnswer) -> list[str]:
     labels, shares = cause_labels(answer), np.nan_to_num(answer.budget.attributed)
     kind_of = [label if stem(label) == INITIAL else stem(label) for label in labels]
     kinds = list(dict.fromkeys(kind_of))
-    of_kind = np.array([[each == kind for each in kind_of] for kind in kinds], dtype=float)
+    of_kind = np.array([[output_kind == kind for output_kind in kind_of] for kind in kinds], dtype=float)
     summed = shares @ of_kind.T
     leading = [int(np.argmax(row)) for row in summed if row.any()]
     counted = sorted(set(leading), key=lambda k: (-leading.count(k), -summed[:, k].sum(), k))

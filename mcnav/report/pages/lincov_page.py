@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeGuard
 
 import numpy as np
 
@@ -50,10 +50,12 @@ from mcnav.report.pages.lincov import (
     smoothed_rows,
     statements,
 )
+from mcnav.report.pages.run.folded import with_folded_parts, with_rest_folded
 from mcnav.report.pages.run.sections.remedies import fix, remedies_section
 from mcnav.report.pages.run.sections.what_if import what_if_section
 from mcnav.report.pages.screen import answered
 from mcnav.report.results.left_out import not_modelled
+from mcnav.report.results.worst_components import FOREMOST, worst_of_vectors
 from mcnav.report.statements.details import BEYOND, remarks_in
 from mcnav.report.statements.words import listed, several
 
@@ -101,7 +103,7 @@ def page(
         f"{words}.", tone, [*(f"{sentence}." for sentence, _ in others), EXPLANATION], remarks_in(answer.remarks)
     )
     smoothed = smoothed_table(answer)
-    answers = Answers([final_table(answer), *(each for each in (largest, smoothed) if each.rows)])
+    answers = Answers([final_table(answer), *(table for table in (largest, smoothed) if table.rows)])
     moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
     sections = []
     if answer.requirements:
@@ -112,17 +114,21 @@ def page(
     if moving is not None:
         over_time = "Errors and dispersions over time" if any(kinds_of(answer.outputs)) else "Errors over time"
         sections.append(Section("over-time", over_time, [*joined(moving, drawn.truth(answer))]))
-    if meaningful and (budget := drawn.budget(answer)) is not None:
+    looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
+    away = drawn.departures(answer) if looped else {}
+    worst = sorted(worst_of_vectors(list(away), away), key=lambda name: -away[name])[:FOREMOST]
+    if meaningful and (budget := drawn.budget(answer, worst)) is not None:
         sections.append(Section("budget", "Error budget", [budget, *_budget_parts(answer, outages)]))
     if (gates := gate_table(answer)) is not None:
         sections.append(Section("gates", "What the gates stop", [gates]))
-    looped = ".py:" in answer.kind and any(output.of == "truth" for output in answer.outputs)
     if (helpful := remedies_section(remedies, answer.outputs, ALL_REMEDIES)) is not None:
         sections.append(helpful)
     if meaningful and (changeable := what_if_section(what_if, answer.outputs, looped, _nonlinear(answer))):
         sections.append(changeable)
     if meaningful and answer.sigma.any() and (correlations := drawn.correlations(answer)) is not None:
         sections.append(Section("correlations", "Covariance and correlation", [correlations]))
+    if looped:
+        sections = [_shortened(section, away) for section in sections]
     asked = requirements_in_brief(answer)
     helps = fix(remedies, answer.outputs)
     known = [(name, words) for name, words in (("Cause", _cause(answer)), ("Fix", helps)) if words]
@@ -131,6 +137,17 @@ def page(
     shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
+
+
+def _shortened(section: Section, away: Mapping[str, float]) -> Section:
+    """Fold what has dozens of rows or panels; the worst component of each vector stands for it."""
+    parts = [with_rest_folded(part, away) if _of_outputs(part, away) else part for part in section.parts]
+    return section if section.name == "requirements" else replace(section, parts=with_folded_parts(parts))
+
+
+def _of_outputs(part: Part, away: Mapping[str, float]) -> TypeGuard[Figure]:
+    """Return whether a part is a figure with more than a row of panels, each of an output."""
+    return isinstance(part, Figure) and len(part.panels) > part.beside and all(p.title in away for p in part.panels)
 
 
 def _nonlinear(answer: LinearAnswer) -> str:
@@ -150,7 +167,7 @@ def _cause(answer: LinearAnswer) -> str:
     else:
         causes = [] if answer.filter is None else [(cause.name, cause.share) for cause in answer.filter.neglected]
     kinds = [(humanize(kind), share) for kind, share in shares_by_kind(causes).items() if share >= NAMED]
-    return listed(kinds[:LARGEST]) if kinds else ""
+    return ", ".join(f"{kind} {100.0 * share:.0f} %" for kind, share in kinds[:LARGEST])
 
 
 def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | None) -> Figure | None:
@@ -159,9 +176,12 @@ def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | No
     Requirements over time come first, the tightest; else the output that a filter is most wrong about, or that the
     tightest requirement at the end limits.
     """
-    tightest = sorted((each for each in answer.requirements if each.judged), key=lambda each: each.tightness)
+    tightest = sorted(
+        (requirement for requirement in answer.requirements if requirement.judged),
+        key=lambda requirement: requirement.tightness,
+    )
     if asked is not None and (answer.filter is None or answer.filter.verdict == "consistent"):
-        names = [drawn.short_name(each, answer) for each in tightest]
+        names = [drawn.short_name(requirement, answer) for requirement in tightest]
         return replace(asked, panels=sorted(asked.panels, key=lambda panel: names.index(panel.title.split(": ", 1)[1])))
     output = "" if answer.filter is None else humanize(answer.filter.output)
     if tightest and not output:
@@ -282,7 +302,7 @@ def _filtered(answer: LinearAnswer) -> list[Column[SizeRow]]:
     """Return the column of the filter's sigma, if there is a filter."""
     if answer.history is None or answer.history.sigma_filter is None:
         return []
-    return [Column("Filter’s own", lambda row: row.sigma_filter, "filter's σ", form=_size, size="sigma")]
+    return [Column("Filter sigma", lambda row: row.sigma_filter, "filter's σ", form=_size, size="sigma")]
 
 
 def _by_kind(answer: LinearAnswer, table: Table[SizeRow]) -> Table[SizeRow]:

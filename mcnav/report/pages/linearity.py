@@ -90,7 +90,7 @@ class About:
 def remarks(outputs: Sequence[Output], noise: NoiseUse, sizes_alone: Sequence[int]) -> list[str]:
     """Say what becomes of noise, and of sizes without a linear sigma."""
     sizes = [humanize(outputs[number].name) for number in sizes_alone]
-    return [each for each in (OF_NOISE[noise], without_sigma(sizes)) if each]
+    return [sentence for sentence in (OF_NOISE[noise], without_sigma(sizes)) if sentence]
 
 
 def page(

@@ -84,7 +84,10 @@ class Setting:
 
 def verdicts(summary: Summary) -> list[tuple[str, str, str]]:
     """List the verdicts on a run: subject, verdict in a word or two, tone."""
-    return [(NAMES[each.subject], status(summary, each.subject), each.tone) for each in statements_on(summary)]
+    return [
+        (NAMES[statement.subject], status(summary, statement.subject), statement.tone)
+        for statement in statements_on(summary)
+    ]
 
 
 def live_state(settings: Sequence[Setting], revision: int, error: str) -> dict[str, object]:

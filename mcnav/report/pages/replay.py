@@ -104,7 +104,7 @@ def outcome_table(replay: Replay) -> Table[int]:
         Column("Output", lambda i: Cell(humanize(replay.outputs[i].name), replay.outputs[i].shown_in), words.one,
                "label"),
         outcome("linear", replay.linear),
-        *(outcome(each.label, each.values) for each in replay.outcomes),
+        *(outcome(quantity.label, quantity.values) for quantity in replay.outcomes),
     ]  # fmt: skip
     what = "Final navigation errors" if words == FINAL_ERRORS else words.title
     caption = f"{what}: linear model, stored result, and new simulations."

@@ -48,7 +48,7 @@ LINES: Final = {
 ANSWER: Final = 66
 """Most words of a study's verdict, the sentences below it and findings; the fold with its results has all."""
 
-SAID: Final = 24
+SAID: Final = 31
 """Most words of the sentences below its verdict."""
 
 ROOM: Final = 66

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,8 +15,9 @@ from mcnav.analysis.sweep import Confirmation, JustMet, Sweep, Variable
 from mcnav.contract.quantities import end_words
 from mcnav.report.columns.requirements import TONES
 from mcnav.report.columns.result_table import Row
-from mcnav.report.document.parts import Facts, Heading, Note, Page, Part, Section, Sentence, Verdict, Verdicts
+from mcnav.report.document.parts import Facts, Findings, Heading, Note, Page, Part, Section, Sentence, Verdict, Verdicts
 from mcnav.report.document.table import STRONG, Cell, Column, Table, label
+from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures import sweep as drawn
 from mcnav.report.format import interval, number
 from mcnav.report.names import humanize
@@ -41,6 +42,12 @@ from mcnav.report.statements.sweep import (
 )
 
 VERDICTS: Final = ("agrees", "differs", "undecided")
+
+FINDINGS: Final = {"differs": "not met", "partly": "in part", "agrees": "met"}
+TIGHTNESS: Final = tuple(FINDINGS)
+"""What is said of a limit by its tone, the worst first."""
+
+MORE_LIMITS: Final = Markup('<a href="#limits">and {} more</a>').format
 
 MOST_LINES: Final = 12
 """Points of a grid that the terminal shows."""
@@ -81,7 +88,33 @@ def page(sweep: Sweep) -> Page:
     if sweep.confirmations:
         sections.append(Section("monte-carlo", "Monte Carlo", _checks(sweep)))
     head = [*_mean_errors(sweep), stated, *others, *map(Note, remarks(sweep)), facts]
-    return answered(Page(f"{sweep.campaign}: sweep", "Sweep by linear analysis", sweep.campaign, head, sections))
+    limits, figure = _tightest_first(sweep), None
+    if len(limits) > 1:
+        head.append(_tightest_limit(sweep, limits))
+        (figure,) = (part for part in sections[0].parts if isinstance(part, Figure))
+        figure = replace(figure, panels=[figure.panels[limits[0].measure]])
+    title = f"{sweep.campaign}: sweep"
+    return answered(Page(title, "Sweep by linear analysis", sweep.campaign, head, sections), figure)
+
+
+def _tightest_first(sweep: Sweep) -> list[JustMet]:
+    """List the limits along the only variable: those not met, those met in part, then those met with least to spare."""
+    if len(sweep.variables) > 1:
+        return []
+
+    def spare(limit: JustMet) -> tuple[int, float]:
+        return TIGHTNESS.index(tone_of(limit)), -limit.closest[1] if limit.closest else 0.0
+
+    return sorted(sweep.just_met, key=spare)
+
+
+def _tightest_limit(sweep: Sweep, limits: Sequence[JustMet]) -> Findings:
+    """Say where the tightest of several limits is met, and how many others there are."""
+    (variable,), first = sweep.variables, limits[0]
+    words = met_words(first, variable)
+    where = words.partition("; ")[2] or words
+    row = (FINDINGS[tone_of(first)], tone_of(first), f"{title_of(sweep.measures[first.measure], sweep, True)}: {where}")
+    return Findings([row], MORE_LIMITS(len(limits) - 1), "Tightest limit")
 
 
 def _mean_errors(sweep: Sweep) -> list[Part]:
@@ -195,7 +228,7 @@ def point_table(sweep: Sweep) -> Table[tuple[int, ...]]:
     count, indices = len(sweep.variables), range(len(sweep.measures))
     doubts = [Column[tuple[int, ...]]("linear analysis", examined, kind="text")] if sweep.doubted else []
     columns = [*map(variable, range(count)), *map(measure, indices), *map(beyond, filter(sweep.rare, indices)), *doubts]
-    return Table("", columns, [places[each] for each in chosen], "Linear analysis", keys=count)
+    return Table("", columns, [places[position] for position in chosen], "Linear analysis", keys=count)
 
 
 def _not_shown(sweep: Sweep) -> list[str]:
@@ -294,12 +327,12 @@ def _checks(sweep: Sweep) -> list[Part]:
     for confirmation in sweep.confirmations:
         tone = verdict_at(sweep, confirmation)
         folder = confirmation.folder.relative_to(confirmation.folder.parent.parent).as_posix()
-        told = Markup('{} {} <a href="{}/report.html">Report</a>, {:,} samples.').format(
+        said = Markup('{} {} <a href="{}/report.html">Report</a>, {:,} samples.').format(
             label(tone, tone), verdicts.headline(confirmation.summary), folder, confirmation.summary.samples
         )
         requirements = requirement_table(sweep, confirmation)
         parts += [
-            Heading(point_words(sweep, confirmation, True)), Sentence(told),
+            Heading(point_words(sweep, confirmation, True)), Sentence(said),
             *(Sentence(STRONG(f"{line}.")) for line in disagreements(sweep, confirmation)),
             confirmation_table(sweep, [confirmation]), *([requirements] if requirements.rows else []),
         ]  # fmt: skip

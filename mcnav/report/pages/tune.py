@@ -82,8 +82,8 @@ def _candidates(tuning: Tuning) -> Table[Candidate]:
 
 def terminal(tuning: Tuning) -> list[Part]:
     """List what the terminal shows besides the table to paste."""
-    told = verdict(tuning)
-    parts: list[Part] = [Verdict(told.headline, told.tone), *(Sentence(words) for words in told.sentences)]
+    answer = verdict(tuning)
+    parts: list[Part] = [Verdict(answer.headline, answer.tone), *(Sentence(words) for words in answer.sentences)]
     return [*parts, *([_beliefs(tuning)] if tuning.believes else []), _candidates(tuning)]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -68,9 +68,18 @@ def worst_components(content: RunAnalysis, departing: Mapping[str, float] | None
     if not content.looped:
         return list(range(len(names)))
     away = departures(content) if departing is None else departing
+    return [names.index(name) for name in worst_of_vectors(names, away)]
+
+
+def worst_of_vectors(names: Sequence[str], away: Mapping[str, float]) -> list[str]:
+    """Return the output of each vector that departs the most, of those of which it is known.
+
+    >>> worst_of_vectors(["velocity x", "velocity y", "range"], {"velocity x": 0.1, "velocity y": 0.3, "range": 0.0})
+    ['velocity y', 'range']
+    """
     chosen: dict[str, str] = {}
     for name in (name for name in names if name in away):
         vector = vector_of(name)
         if vector not in chosen or away[name] > away[chosen[vector]]:
             chosen[vector] = name
-    return [names.index(name) for name in chosen.values()]
+    return list(chosen.values())

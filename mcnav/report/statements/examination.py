@@ -32,11 +32,20 @@ def examination_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
 
 
 def corrected_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
-    """State sigmas and mean NEES of second order where they are known well enough and linear ones are not right."""
-    examined = answer.examination
-    if examined is None or examined.corrected is None:
+    """State the mean NEES of second order where it is known well enough and the linear one is not right."""
+    examined, rank = answer.examination, answer.model.whitened.rank
+    if examined is None or examined.corrected is None or examined.joint is None or examined.joint.verdict == "holds":
         return
+    if examined.corrected.improves_nees(rank):
+        nees = number(examined.corrected.nees, 4)
+        yield f"Mean NEES to second order: {nees}, where linear analysis has {rank}", ""
+
+
+def _corrected_sigmas(answer: LinearAnswer, examined: Examination) -> str:
+    """State sigmas of second order where they are known well enough and linear ones are not right; else empty."""
     corrected, scale = examined.corrected, scale_of(answer.outputs)
+    if corrected is None:
+        return ""
     improved = corrected.improves(answer.sigma)
     shown = [
         f"{humanize(output.name)} {number(corrected.sigma[i] * scale[i], 3)} {output.shown_in} (linear "
@@ -44,11 +53,7 @@ def corrected_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         for i, output in enumerate(answer.outputs)
         if improved[i] and examined.outputs[i].verdict != "holds"
     ]
-    if shown:
-        yield f"Sigma to second order: {several(shown, NAMED)}", ""
-    rank = answer.model.whitened.rank
-    if examined.joint is not None and examined.joint.verdict != "holds" and corrected.improves_nees(rank):
-        yield f"Mean NEES to second order: {number(corrected.nees, 4)}, where linear analysis has {rank}", ""
+    return f"Sigma to second order: {several(shown, NAMED)}" if shown else ""
 
 
 def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
@@ -72,6 +77,8 @@ def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
         does = "does" if len(failing) == 1 else "do"
         words = f"{', '.join(worst) if more else joined(worst)}{more} {does} not"
         sentences.append(words[:1].upper() + words[1:])
+    if corrected := _corrected_sigmas(answer, examined):
+        sentences.append(corrected)
     unknown = [name for name, verdict in zip(names, verdicts, strict=True) if verdict == "cannot say"]
     if unknown:
         sentences.append(f"Cannot say for {several(unknown)}: run samples")

@@ -35,7 +35,7 @@ def large_means_of(summary: Summary) -> tuple[LargeMean, ...]:
         mean = np.where(are_errors, summary.mean_linear, np.nan)
         return large_means(mean, sigma, np.zeros(len(mean)))
     mean = _numbers(summary.mean_error)
-    ends = np.array([_numbers(each or (None, None)) for each in summary.mean_error_interval])
+    ends = np.array([_numbers(ends_of_one or (None, None)) for ends_of_one in summary.mean_error_interval])
     least = np.where(ends[:, 0] > 0.0, ends[:, 0], np.where(ends[:, 1] < 0.0, -ends[:, 1], 0.0))
     return large_means(mean, sigma, _numbers(summary.mean_rounding), least)
 

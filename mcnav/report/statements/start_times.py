@@ -110,7 +110,7 @@ def _of_single_outputs(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
     first, last = (int(place(best)) for place in (np.argmin, np.argmax))
     if minutes(best[first]) == minutes(best[last]):
         return ""
-    ends = [f"{minutes(best[each])} ({humanize(outputs[counted[each]].name)})" for each in (first, last)]
+    ends = [f"{minutes(best[place])} ({humanize(outputs[counted[place]].name)})" for place in (first, last)]
     return f"Single outputs have their best starts from {ends[0]} to {ends[1]}."
 
 

@@ -9,10 +9,9 @@ import numpy as np
 from mcnav.arrays.products import transformed_variances
 from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearSystem
-from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.setup import Setup
-from mcnav.systems.closed_loop.soundness import SAMPLES, SMALL_SHARE
+from mcnav.systems.closed_loop.soundness import SAMPLES, SMALL_SHARE, Tried
 
 SMALL_DEPARTURE: Final = 0.05
 """Departure of a sample with small errors from its twin, in its sigma: a term of second order leaves a hundredth."""
@@ -30,23 +29,21 @@ MAGNIFIED: Final = 10.0
 """Sigma of a correction over what the dispersions call for, from which on its target is nearly singular."""
 
 
-def departures_from_twins(setup: Setup, result: SimulationResult, sigma: Array) -> list[str]:
+def departures_from_twins(setup: Setup, tried: Tried, sigma: Array) -> list[str]:
     """Say where samples depart from their twins, with all errors and with a hundredth of them.
 
     Parameters
     ----------
-    result : SimulationResult
-        Of `check_repeatable`.
     sigma : ndarray, shape (outputs,)
         Linear, at the end.
     """
-    name, most = _largest(setup, result, slice(SAMPLES, None), SMALL_SHARE * sigma)
+    name, most = _largest(setup, tried, slice(SAMPLES, None), SMALL_SHARE * sigma)
     if most > SMALL_DEPARTURE:
         return [
             f"something bends, jumps or rounds at the nominal. With a hundredth of all errors a sample is still "
             f"{most:.2g} sigma off linear analysis in {name}"
         ]
-    name, most = _largest(setup, result, slice(SAMPLES), sigma)
+    name, most = _largest(setup, tried, slice(SAMPLES), sigma)
     if most > DEPARTURE:
         return [
             f"a sample departs from linear analysis by {most:.2g} sigma in {name}. With a hundredth of all errors and "
@@ -55,12 +52,11 @@ def departures_from_twins(setup: Setup, result: SimulationResult, sigma: Array) 
     return []
 
 
-def _largest(setup: Setup, result: SimulationResult, rows: slice, sigma: Array) -> tuple[str, float]:
+def _largest(setup: Setup, tried: Tried, rows: slice, sigma: Array) -> tuple[str, float]:
     """Name the output with the largest departure, and return that in sigma; corrections have a law of their own."""
-    outputs, linear = setup.readout.outputs, result.linear_values
-    assert linear is not None
+    outputs = setup.readout.outputs
     usual = (sigma > setup.floor) & np.array([not output.size_of for output in outputs])
-    shares = np.abs(result.values - linear)[rows] / np.where(usual, sigma, np.inf)
+    shares = np.abs(tried.values - tried.linear)[rows] / np.where(usual, sigma, np.inf)
     most = np.nan_to_num(shares).max(axis=0)
     worst = int(np.argmax(most))
     return outputs[worst].name.replace("_", " "), float(most[worst])

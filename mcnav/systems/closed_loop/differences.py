@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Final
 
@@ -54,6 +54,8 @@ class Derivatives:
         Where forward and backward differences differ by as much at half of the step.
     straight : Straight, optional
         Where the map is linear, at all points at which it was evaluated.
+    mixed : ndarray, shape (m, MIXED)
+        Its values with all of X and of what enters moved together.
     """
 
     value: Array
@@ -61,6 +63,7 @@ class Derivatives:
     inputs: Array
     kinked: NDArray[np.bool_]
     straight: Straight | None = None
+    mixed: Array = field(default_factory=lambda: np.zeros((0, MIXED)))
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,8 @@ def _derivatives(
     """Return the derivatives of a map from its values, shape (m, columns)."""
     size, total = len(x), len(moved)
     all_steps = SHARE * np.concatenate([steps, input_steps])
-    value = middle = values[:, 0]
+    value, moved_together = values[:, 0], values[:, 4 * total + 1 :].copy()
+    middle = value
     bent = bool(space.attitudes) or (result is not None and bool(result.attitudes))
     if result is not None and result.attitudes:
         turns = result.minus(values, middle[:, None])
@@ -174,7 +178,7 @@ def _derivatives(
     straight = Straight(x, middle.copy(), state, entering, ROUNDING * largest[:, 0])
     if not bent:
         bent = bool(straight.departures(x[:, None] + moved[:size], moved[size:], values).any())
-    return Derivatives(value, state, entering, kinked, None if bent else straight)
+    return Derivatives(value, state, entering, kinked, None if bent else straight, moved_together)
 
 
 @cache

@@ -8,10 +8,11 @@ other instants, as those of a method that takes all its times for the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+import hashlib
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,6 +156,8 @@ class _Flight:
         Whether maps are differentiated one after the other.
     x, steps : ndarray, shape (size,)
         The nominal, and its sizes, from which steps of differences follow.
+    beside : hash
+        Of the maps' values beside the nominal.
     """
 
     maps: Maps
@@ -170,6 +173,7 @@ class _Flight:
     kinks: set[str] = field(default_factory=set)
     event_times: dict[str, float] = field(default_factory=dict)
     innovations: dict[int, Array] = field(default_factory=dict)
+    beside: Any = field(default_factory=hashlib.sha256)
 
     @classmethod
     def at(
@@ -194,11 +198,17 @@ class _Flight:
                 self._check_pending(instant.time, over=True)
             self._update(flown[-1])
         self._check_pending(end_time, over=True)
-        self.kinks |= differentiate_flown(self.flown, self.steps, self.maps.structure.space, self.apart)
+        self._differentiate(self.flown)
         return Linearization(
             [flight.linear() for flight in flown], len(flown) - 1, end_time, self.event_times, self.signs, self.steps,
-            frozenset(self.kinks), self.innovations,
+            frozenset(self.kinks), self.innovations, self.beside.hexdigest(),
         )  # fmt: skip
+
+    def _differentiate(self, maps: Sequence[FlownMap]) -> None:
+        """Differentiate maps, and note their kinks and their values beside the nominal."""
+        self.kinks |= differentiate_flown(maps, self.steps, self.maps.structure.space, self.apart)
+        for map_ in maps:
+            self.beside.update(map_.known.mixed.tobytes())
 
     def _approach(self, instant: Instant, flown: list[FlownInstant]) -> float | None:
         """Fly the steps that lead to an instant; return the time of an end within them."""
@@ -265,7 +275,7 @@ class _Flight:
         """Note a map, which is to be differentiated, and return its value."""
         both = [map_] if map_.believed is None else [map_, map_.believed]
         if self.apart:
-            self.kinks |= differentiate_flown(both, self.steps, self.maps.structure.space, apart=True)
+            self._differentiate(both)
             return map_.known.value
         check_finite(map_.where, map_.value)
         self.flown += both

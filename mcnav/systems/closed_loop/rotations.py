@@ -41,7 +41,10 @@ def to_vector(quaternion: Array) -> Array:
 def cross(left: Array, right: Array) -> Array:
     """Return the cross product along the first axis."""
     (a, b, c), (x, y, z) = left, right
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])
+    first = b * z - c * y
+    result = np.empty((3, *first.shape))
+    result[0], result[1], result[2] = first, c * x - a * z, a * y - b * x
+    return result
 
 
 def product(left: Array, right: Array) -> Array:

@@ -17,7 +17,6 @@ from mcnav.contract.history import Epochs, History, Panel, StartClock
 from mcnav.contract.linear import LinearSystem
 from mcnav.contract.quantities import TRUE_DISPERSION, Output, Source
 from mcnav.contract.questions import TimelineParts
-from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Capability, PlainScenario, ScenarioError
 from mcnav.systems.closed_loop.beliefs import believed_shares
 from mcnav.systems.closed_loop.departures import (
@@ -30,6 +29,7 @@ from mcnav.systems.closed_loop.departures import (
 from mcnav.systems.closed_loop.engine import ClosedLoopEngine, judged_states, maps_of, readout_of, set_up
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.gates import NO_GATES, LoopGates, SampleGates, around_faults, gated_filter
+from mcnav.systems.closed_loop.kept import KeptLoop, KeptLoopEngine, identity_of
 from mcnav.systems.closed_loop.linear import LinearLoop, Reading
 from mcnav.systems.closed_loop.nominal_flight import linearize
 from mcnav.systems.closed_loop.own_update import stated_covariance
@@ -39,7 +39,7 @@ from mcnav.systems.closed_loop.records import schema_of
 from mcnav.systems.closed_loop.schedule import read_schedule
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.sizes import LoopSizes, Sizes, difference_steps
-from mcnav.systems.closed_loop.soundness import check_repeatable, remarks_on, step_error
+from mcnav.systems.closed_loop.soundness import Tried, remarks_on, try_samples
 from mcnav.systems.closed_loop.start_times import Begun, Starts, check_starts, plan_starts
 from mcnav.systems.closed_loop.strapdown.merged import with_navigator
 from mcnav.systems.closed_loop.strapdown.shown import instrument_sources, shown_units
@@ -48,6 +48,7 @@ from mcnav.systems.closed_loop.transitions import Linearization
 from mcnav.systems.gates import GatedFilter, fault_laws, gate_laws, rejection_laws
 from mcnav.systems.guard import LINEARIZING
 from mcnav.systems.user.code import UserScenarioSpec
+from mcnav.systems.user.kept import KeptNumbers
 
 Read = TypeVar("Read")
 
@@ -81,6 +82,9 @@ MOST_STARTS: Final = 61
 
 RETUNED: Final = 10.0
 """Factor of sizes up to which derivatives are used again: a step of differences is then at most one sigma."""
+
+TRYING: Final = "flights with small errors failed"
+"""What is said where code fails while a few samples are tried."""
 
 START_CLOCK: Final = StartClock(
     "min of the flight",
@@ -422,25 +426,50 @@ class ClosedLoopScenario(PlainScenario):
         self.plan  # noqa: B018  its failure is told first
         instants = {number: epoch for epoch, number in enumerate(self._chosen)}
 
-        def try_out() -> tuple[str, ...]:
-            setup = set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
-            result = None if self._shared is not None else check_repeatable(setup)
+        def begin() -> Setup:
+            return set_up(self._instance, self.spec.name, self.sizes, self.plan, instants, None)
+
+        setup = self._linearized(begin, TRYING)
+        tried = None if self._shared is not None else self._tried(setup)
+
+        def say() -> tuple[str, ...]:
             remarks = remarks_on(setup, self._sigmas_of_times)
-            if result is not None:
-                remarks += step_error(setup)
-            return (*remarks, *self._departures(setup, result))
+            if tried is not None:
+                remarks += tried.step_error(setup.maps.structure)
+            return (*remarks, *self._departures(setup, tried))
 
-        return self._linearized(try_out, "flights with small errors failed")
+        return self._linearized(say, TRYING)
 
-    def _departures(self, setup: Setup, result: SimulationResult | None) -> tuple[str, ...]:
+    def _tried(self, setup: Setup) -> Tried:
+        """Try a few samples, or read what an earlier command has found of them."""
+
+        def simulate() -> Tried:
+            return self._linearized(lambda: try_samples(setup), TRYING)
+
+        if self._begun is not None:
+            return simulate()
+        return Tried(*self._kept.keep(("tried",), lambda: KeptNumbers(simulate().arrays)))
+
+    @cached_property
+    def _kept(self) -> KeptLoop:
+        identity = identity_of(self.linearization, self.sizes, self._gates)
+        return KeptLoop(self._object, self.spec, identity)
+
+    def keeping(self, engine: Engine, seconds: float) -> Engine:
+        """Return an engine of the scenario whose simulations are kept; `TooLong` where others take more seconds."""
+        if self._begun is not None or self._shared is not None:
+            return engine
+        return KeptLoopEngine.of(engine, self._kept, seconds)
+
+    def _departures(self, setup: Setup, tried: Tried | None) -> tuple[str, ...]:
         """Say what linear analysis says of the loop itself, and how a few samples, if any, depart from it."""
         names = tuple(output.name for output in self.outputs)
         start = self.sizes.true.start
         said = [*growth_of(self.readings, names, start), *singular_corrections(setup, self.readings, names)]
-        if result is None:
+        if tried is None:
             return tuple(said)
         sigma = sigmas_of(self.readings, start)[-1]
-        return tuple(said or departures_from_twins(setup, result, sigma))
+        return tuple(said or departures_from_twins(setup, tried, sigma))
 
     @cached_property
     def _sigmas_of_times(self) -> dict[str, float]:

@@ -45,7 +45,49 @@ GRAZING: Final = 0.1
 """Sigma of the final time as a share of the flight from which on a trigger grazes."""
 
 
-def check_repeatable(setup: Setup) -> SimulationResult:
+@dataclass(frozen=True)
+class Tried:
+    """What a few samples beside the nominal, and halved steps of it, have shown.
+
+    Attributes
+    ----------
+    values, linear : ndarray, shape (2 SAMPLES, outputs)
+        Final values of samples, and of their twins: with all errors and noise, and after them with `SMALL_SHARE`.
+    shares, at : ndarray, shape (size,)
+        Change of X by halved steps, in sizes, and the time of the step that changes it most, s.
+    """
+
+    values: Array
+    linear: Array
+    shares: Array
+    at: Array
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """The numbers."""
+        return self.values, self.linear, self.shares, self.at
+
+    def step_error(self, structure: Structure) -> list[str]:
+        """Say whether steps are too long."""
+        worst = int(np.argmax(self.shares))
+        if not self.shares[worst] > LARGEST_STEP_ERROR:
+            return []
+        of = ((quantity.name, place) for block in structure.blocks for quantity, place in block.places())
+        name = next(name for name, place in of if place.start <= worst < place.stop)
+        return [
+            f"halved steps change {name} by {self.shares[worst]:.2g} of its size, most at {self.at[worst]:.4g} s: "
+            "shorten step, or let the instants of measurements, commands or corrections be those at which rates jump"
+        ]
+
+
+def try_samples(setup: Setup) -> Tried:
+    """Try a few samples, and halved steps; `ScenarioError` when samples are not repeatable."""
+    result = _check_repeatable(setup)
+    assert result.linear_values is not None
+    return Tried(result.values, result.linear_values, *_halve_steps(setup))
+
+
+def _check_repeatable(setup: Setup) -> SimulationResult:
     """Simulate a few samples, call each method once, and simulate one of them again, alone.
 
     Return the samples; after them the same with `SMALL_SHARE` of all errors and noise.
@@ -196,8 +238,8 @@ def _change_at(setup: Setup, instant: Instant) -> tuple[str, str] | None:
     return None
 
 
-def step_error(setup: Setup) -> list[str]:
-    """Say whether steps are too long: compare each with two halves of it, at the nominal and one size to its sides.
+def _halve_steps(setup: Setup) -> tuple[Array, Array]:
+    """Compare each step with two halves of it, at the nominal and one size to its sides; see `Tried`.
 
     The difference of a step goes on as the linear system has it, so that what decays does not add up.
     """
@@ -216,16 +258,7 @@ def step_error(setup: Setup) -> list[str]:
             whole_error = np.maximum(whole_error, _largest(error))
         for update in planned.updates:
             error = update.state @ error
-    shares = whole_error / sizes
-    worst = int(np.argmax(shares))
-    if not shares[worst] > LARGEST_STEP_ERROR:
-        return []
-    of = ((quantity.name, place) for block in structure.blocks for quantity, place in block.places())
-    name = next(name for name, place in of if place.start <= worst < place.stop)
-    return [
-        f"halved steps change {name} by {shares[worst]:.2g} of its size, most at {at[worst]:.4g} s: shorten step, or "
-        "let the instants of measurements, commands or corrections be those at which rates jump"
-    ]
+    return whole_error / sizes, at
 
 
 def _sizes(setup: Setup) -> Array:

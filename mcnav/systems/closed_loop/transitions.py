@@ -151,6 +151,8 @@ class Linearization:
         Maps that have a kink at the nominal.
     innovations : mapping of int to ndarray
         Largest nominal innovation of each sensor by component, SI.
+    beside : str
+        Digest of the values that the maps have beside the nominal, with all errors and all noise.
     """
 
     instants: Sequence[LinearInstant]
@@ -161,6 +163,7 @@ class Linearization:
     steps: Array
     kinks: frozenset[str]
     innovations: Mapping[int, Array]
+    beside: str = ""
 
     @property
     def settled(self) -> bool:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -14,6 +16,7 @@ from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.linear import LinearModel
 from mcnav.contract.members import lacks_engine, lacks_scenario
+from mcnav.contract.samples import SimulationResult
 from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.physics.units import conversion
 from mcnav.systems.finite_differences import differentiate
@@ -92,13 +95,18 @@ def check_conformance(scenario: Scenario, sizes: Array) -> list[Check]:
     if lines := lacks_engine(prepared):
         return [*checks, *(Check("contract", False, line) for line in lines)]
     checks.append(Check("contract", True, f"scenario and engine {scenario.engines[0]} have what is asked of them"))
-    tried("shapes", lambda: _shapes(scenario, prepared, errors))
+    # a copy, as code may return the same array each time
+    fly = cache(lambda: deepcopy(without_noise(prepared)(errors)))
+    tried("shapes", lambda: _shapes(scenario, fly, errors))
     if not all(check.passed for check in checks):
         return checks
-    tried("determinism", lambda: _determinism(prepared, errors))
-    tried("each sample for itself", lambda: _independence(prepared, errors, _spread(scenario.linear().end, sizes)))
-    tried("travels to workers", lambda: _travels(prepared, errors))
-    tried("linear near zero", lambda: _linear_near_zero(scenario, prepared, errors, sizes))
+    tried("determinism", lambda: _determinism(prepared, errors, fly()))
+    tried(
+        "each sample for itself",
+        lambda: _independence(prepared, errors, fly().values, _spread(scenario.linear().end, sizes)),
+    )
+    tried("travels to workers", lambda: _travels(prepared, errors, fly()))
+    tried("linear near zero", lambda: _linear_near_zero(scenario, prepared, errors, fly().values, sizes))
     tried("partials against differences", lambda: _partials(scenario, prepared, sizes))
     tried("nominal outputs", lambda: _nominal_outputs(scenario, scenario.linear().end, sizes))
     tried("history", lambda: _history(scenario))
@@ -119,9 +127,9 @@ def _names_and_units(scenario: Scenario) -> str:
     return f"{len(scenario.sources)} sources, {len(scenario.outputs)} outputs"
 
 
-def _shapes(scenario: Scenario, prepared: Engine, errors: Array) -> str:
+def _shapes(scenario: Scenario, fly: Callable[[], SimulationResult], errors: Array) -> str:
     before = errors.copy()
-    outcomes = without_noise(prepared)(errors)
+    outcomes = fly()
     if not np.array_equal(errors, before):
         raise _Broken("propagate changed the errors that it was given")
     wanted = (len(errors), len(scenario.outputs))
@@ -135,8 +143,8 @@ def _shapes(scenario: Scenario, prepared: Engine, errors: Array) -> str:
     return f"{wanted}, {len(lost)} failed"
 
 
-def _determinism(prepared: Engine, errors: Array) -> str:
-    if not same(without_noise(prepared)(errors), without_noise(prepared)(errors)):
+def _determinism(prepared: Engine, errors: Array, flown: SimulationResult) -> str:
+    if not same(flown, without_noise(prepared)(errors)):
         raise _Broken("the same errors flown twice gave different bits; is something random, or kept in between?")
     return "the same bits twice"
 
@@ -148,8 +156,7 @@ def _spread(model: LinearModel, sizes: Array) -> Array:
     return np.asarray(np.sqrt(variance + np.maximum(noise, 0.0)))
 
 
-def _independence(prepared: Engine, errors: Array, spread: Array) -> str:
-    together = without_noise(prepared)(errors).values
+def _independence(prepared: Engine, errors: Array, together: Array, spread: Array) -> str:
     alone = np.vstack([without_noise(prepared)(row[None, :]).values for row in errors[::-1]])[::-1]
     worst = apart(together, alone, spread)
     if worst > SAME:
@@ -157,9 +164,9 @@ def _independence(prepared: Engine, errors: Array, spread: Array) -> str:
     return f"alone as among others, to {worst:.1e}"
 
 
-def _travels(prepared: Engine, errors: Array) -> str:
+def _travels(prepared: Engine, errors: Array, flown: SimulationResult) -> str:
     copy = pickle.loads(pickle.dumps(prepared))
-    if not same(without_noise(prepared)(errors), without_noise(copy)(errors)):
+    if not same(flown, without_noise(copy)(errors)):
         raise _Broken("what arrives in a worker flies other bits")
     return "the same bits"
 
@@ -170,9 +177,9 @@ def _differentiable(scenario: Scenario, model: LinearModel) -> NDArray[np.bool_]
     return np.asarray(~(sizes & (model.nominal == 0.0) & ~model.partials.any(axis=1)))
 
 
-def _linear_near_zero(scenario: Scenario, prepared: Engine, errors: Array, sizes: Array) -> str:
+def _linear_near_zero(scenario: Scenario, prepared: Engine, errors: Array, flown: Array, sizes: Array) -> str:
     model = scenario.linear().end
-    whole = without_noise(prepared)(errors).values - model.nominal
+    whole = flown - model.nominal
     effect = np.maximum(np.sqrt(np.sum((model.partials * sizes) ** 2, axis=1)), np.nanmax(np.abs(whole), axis=0))
     spread = np.maximum(effect, _spread(model, sizes))
     least = np.where(spread**2 > 2.0 * effect**2, AGREEMENT, LEAST)  # where noise disperses it more, gains are as exact

@@ -32,7 +32,7 @@ def test_a_file_is_not_taken_for_a_folder(tmp_path: Path) -> None:
         output_file(file, "scatter.pdf", (".pdf", ".svg", ".png"))
 
 
-@pytest.mark.parametrize("given", ["scatter.html", "scatter.txt"])
+@pytest.mark.parametrize("given", ["scatter.html", "scatter.txt", "flight.kml", "flight.czml", "page.htm"])
 def test_a_file_has_an_ending_that_the_command_writes(given: str) -> None:
     with pytest.raises(CampaignError, match=r"ends in \.pdf or \.svg"):
         output_file(Path(given), "scatter.pdf", (".pdf", ".svg"))

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from types import CodeType
+from types import CodeType, ModuleType
 
 import llvmlite
 import numba
@@ -91,29 +91,71 @@ def names_in(code: CodeType) -> Iterator[str]:
             yield from names_in(each)
 
 
+def modules_of_compiled_functions(folder: Path) -> Iterator[tuple[ModuleType, str]]:
+    """Yield the modules under a folder that define compiled functions, each with its text."""
+    for file in sorted(folder.rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        if "from mcnav.compiled.jit import" in text:
+            yield import_module(".".join(file.relative_to(ROOT).with_suffix("").parts)), text
+
+
+def functions_of(module: ModuleType) -> list[Dispatcher]:
+    """List the compiled functions that a module defines."""
+    return [
+        function
+        for function in vars(module).values()
+        if isinstance(function, Dispatcher) and function.py_func.__module__ == module.__name__
+    ]
+
+
 def test_compiled_functions_name_nothing_of_files_that_are_not_digested() -> None:
     """But for the function's own file, whose content each object has with it."""
     functions, named = 0, set[tuple[str, str, str]]()
-    for file in sorted(PACKAGE.rglob("*.py")):
-        text = file.read_text(encoding="utf-8")
-        if "from mcnav.compiled.jit import" not in text:
-            continue
-        module = import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
+    for module, text in modules_of_compiled_functions(PACKAGE):
         origins = {
             name.asname or name.name: str(node.module)
             for node in ast.walk(ast.parse(text))
             if isinstance(node, ast.ImportFrom) and str(node.module).startswith("mcnav.")
             for name in node.names
         }
-        for function in vars(module).values():
-            if isinstance(function, Dispatcher) and function.py_func.__module__ == module.__name__:
-                functions += 1
-                for name in origins.keys() & set(names_in(function.py_func.__code__)):
-                    origin = import_module(origins[name]).__file__
-                    if origin is not None and not digested(Path(origin)):
-                        named.add((module.__name__, function.py_func.__name__, name))
+        for function in functions_of(module):
+            functions += 1
+            for name in origins.keys() & set(names_in(function.py_func.__code__)):
+                origin = import_module(origins[name]).__file__
+                if origin is not None and not digested(Path(origin)):
+                    named.add((module.__name__, function.py_func.__name__, name))
     assert functions > 250
     assert named == set()
+
+
+def has_code_of_its_own(function: object) -> bool:
+    """Whether what is called for itself is machine code that a caller's copy of it may differ from.
+
+    Parts and inlined functions are code of their callers alone; without ``contract`` nothing is fused in either.
+    """
+    if not isinstance(function, Dispatcher) or function.targetoptions.get("inline") == "always":
+        return False
+    return isinstance(function._cache, objects.Code) and bool(function.targetoptions["fastmath"])
+
+
+def test_kernels_of_inertial_navigation_contain_no_copy_of_code_that_is_called_for_itself() -> None:
+    """So they have the same bits compiled and loaded; `tests/cross/test_compiled.py` compares the reference engine."""
+    functions, copied = 0, set[tuple[str, str]]()
+    for module, _ in modules_of_compiled_functions(PACKAGE / "systems" / "ins"):
+        for function in functions_of(module):
+            functions += 1
+            called = {name: vars(module).get(name) for name in names_in(function.py_func.__code__)}
+            copied |= {(module.__name__, name) for name, of in called.items() if has_code_of_its_own(of)}
+    assert functions > 150
+    reference = "mcnav.systems.ins.reference"
+    assert copied == {
+        (f"{reference}.collocation", "_pushed"),
+        (f"{reference}.collocation", "_stepped"),
+        (f"{reference}.collocation", "_turned"),
+        (f"{reference}.collocation", "normal_gravitation"),
+        (f"{reference}.earth_fixed_errors", "normal_gravitation"),
+        (f"{reference}.normal_field", "normal_gravitation"),
+    }
 
 
 def test_a_word_of_a_sensor_s_docstring_compiles_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -11,9 +11,11 @@ from scipy.stats import binom
 
 from mcnav import identify_noise
 from mcnav.arrays.types import Array
-from mcnav.identification.estimates import relative_deviations
+from mcnav.identification.estimates import Candidate, relative_deviations
 from mcnav.identification.handling import find_hold
+from mcnav.identification.likelihood import maximize
 from mcnav.identification.processes import (
+    FLICKER,
     RATE_RANDOM_WALK,
     WHITE,
     Grid,
@@ -23,7 +25,8 @@ from mcnav.identification.processes import (
     quantization,
     random_walk,
 )
-from mcnav.identification.spectrum import middles
+from mcnav.identification.spectrum import in_bands, middles, transform
+from tests.calibration.slow_trials import simulate
 
 COUNT, INTERVAL = 40, 0.5
 DEGREE, HOUR = np.pi / 180.0, 3600.0
@@ -89,17 +92,34 @@ def test_bounds_are_those_of_cramer_and_rao(hours: float) -> None:
 
 def test_intervals_hold() -> None:
     """Of forty records whose walk shows: as many intervals hold as a binomial of 95 % has, but for 1e-4."""
-    count, interval, trials = 4_000, 1.0, 40
-    holding = dict.fromkeys(("random_walk", "rate_random_walk"), 0)
+    count, interval, trials, true = 4_000, 1.0, 40, (N, 30.0 * K)
+    holding, model = dict.fromkeys(("random_walk", "rate_random_walk"), 0), Model((WHITE, RATE_RANDOM_WALK))
     for seed in range(trials):
         rng = np.random.default_rng(seed)
-        noise = identify_noise(N * rng.standard_normal(count) + 30.0 * K * walk(rng, count, interval), interval)
-        assert [each.name for each in noise.estimates][:1] == ["random_walk"]
-        (fitted,) = (each for each in noise.fitted.candidates if each.model.processes == (WHITE, RATE_RANDOM_WALK))
-        for estimate, true in zip(fitted.estimates(), (N, 30.0 * K), strict=True):
-            holding[estimate.name] += estimate.low <= true <= estimate.high
+        readings = true[0] * rng.standard_normal(count) + true[1] * walk(rng, count, interval)
+        bands = in_bands(transform(readings, interval))
+        fitted = Candidate(model, maximize(model, bands, np.log(true)), bands)
+        for estimate, size in zip(fitted.estimates(), true, strict=True):
+            holding[estimate.name] += estimate.low <= size <= estimate.high
     for hits in holding.values():
         assert binom.ppf(1e-4, trials, 0.95) <= hits
+
+
+def test_an_interval_holds_those_of_models_that_are_not_told_apart() -> None:
+    """Any of them may be the true one: of this record one with another second process is worse by 3.8 alone.
+
+    An end is found within 1e-3 of the logarithm's sigma, some 0.1. With the best model's rise for all, intervals of a
+    record of flicker noise beside a Gauss-Markov process held in 145 of 164 statements, now in 153.
+    """
+    noise = identify_noise(simulate("flicker and walk", 1002), 1.0)
+    rivals = [rival for rival in noise.fitted.rivals if FLICKER.size in rival.model.parameters]
+    assert rivals
+    stated = {estimate.name: estimate for estimate in noise.estimates}
+    for rival in rivals:
+        for name in ("random_walk", FLICKER.size):
+            low, high = np.exp(rival.interval(name))
+            assert stated[name].low <= low * (1.0 + 2e-4)
+            assert stated[name].high >= high * (1.0 - 2e-4)
 
 
 def test_what_a_record_does_not_show_is_said() -> None:

@@ -13,8 +13,10 @@ from mcnav.analysis.accuracy_measures import read_measure, requirement_measures
 from mcnav.analysis.requirements import Requirement
 from mcnav.analysis.sweep import Confirmation, JustMet, Span, Sweep, Variable
 from mcnav.contract.quantities import Output
+from mcnav.report.document.parts import Beside, Findings
 from mcnav.report.figures.sweep import boundary_table, contour_levels, contour_lines
 from mcnav.report.pages.sweep import frame
+from mcnav.report.pages.sweep_page import page
 from mcnav.report.statements.sweep import NOT_SIMULATED, common_spans, confirmed_words, headline, met_words, remarks
 from tests.summaries import requirement, summary
 
@@ -203,3 +205,23 @@ def test_the_line_of_a_limit_passes_through_the_points_at_which_it_is_just_met(l
     through = np.vstack([np.column_stack(line) for line in lines])
     for each in just_met:
         assert np.abs(through - (each.fixed, each.values[0])).max(axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("limits", "tightest"),
+    [
+        ((JustMet(0, None, (), ((None, None),), 3, (3.0, -2.0)), JustMet(1, None, (), ((None, None),), 3, (1.0, -0.2))),
+         ("met", "agrees", "95 % of |altitude|, at most 5 km: closest at 1 km, with a factor of 1.221 to spare")),
+        ((JustMet(0, None, (2.0,), ((None, 2.0),)), JustMet(1, None, (), ((None, None),), 3, (1.0, -0.2))),
+         ("in part", "partly", "range, 1σ, at most 2 km: met up to 2 km")),
+        ((JustMet(0, None, (2.0,), ((None, 2.0),)), JustMet(1, None, (), (), 3, (3.0, 0.5))),
+         ("not met", "differs", "95 % of |altitude|, at most 5 km: closest at 3 km, off by a factor of 1.649")),
+    ],
+)  # fmt: skip
+def test_the_first_screen_has_the_tightest_limit(limits: tuple[JustMet, ...], tightest: tuple[str, str, str]) -> None:
+    """In words and drawn, whichever of the limits it is."""
+    (beside,) = (part for part in page(replace(SWEEP, just_met=limits)).head if isinstance(part, Beside))
+    (figure,), (findings,) = beside.figures, [part for part in beside.parts if isinstance(part, Findings)]
+    assert list(findings.entries) == [tightest]
+    assert "and 1 more" in findings.further
+    assert tightest[2].startswith(figure.panels[0].title)

@@ -244,9 +244,9 @@
 
     // A row of each number: slider, marks of the grades, value, share.
     const rows = sliders.map((slider, n) => {
-      const { path, sizes, shown: largest, grades } = slider;
+      const { path, sizes, shown: largest, grades, band } = slider;
       const [size, unit] = sizes[largest];
-      const ends = [0.01, 100, ...grades.map(([, factor]) => factor)].map(log10);
+      const ends = [0.01, 100, ...grades.map(([, factor]) => factor), ...(band || []).filter((factor) => factor > 0)].map(log10);
       const [low, high] = [floor(min(...ends)), ceil(max(...ends))];
       const name = (brief_ ? path.split(".").slice(-2).join(" ") : path.split(".").pop()).replace(/_/g, " ");
       const id = `what-if-${n}`;
@@ -260,9 +260,12 @@
       });
       const marked = near.map((some) => set(make("span", some.map(([words]) => words[0].toUpperCase()).join("")), { class: "grade", style: `left:${at(some[0][1])}%`,
         title: some.map(([words, factor]) => `${words}: ${number(abs(size) * factor, 3)}${unit ? ` ${unit}` : ""}`).join(", ") }));
-      const marks = make("span", [make("span", [], { class: "origin", style: `left:${at(1)}%` }), ...marked], { class: "marks", "aria-hidden": "true" });
+      const range_ = band && `${brief(size * band[0])} to ${brief(size * band[1])}${unit ? ` ${unit}` : ""}`;
+      const [from_, to_] = (band || []).map((factor) => at(max(factor, 10 ** low)));
+      const banded = band ? [make("span", [], { class: "band", title: range_, style: `left:${from_}%;width:${to_ - from_}%` })] : [];
+      const marks = make("span", [...banded, make("span", [], { class: "origin", style: `left:${at(1)}%` }), ...marked], { class: "marks", "aria-hidden": "true" });
       const [bar, ghost, share] = [make("i", []), make("b", []), make("span", [], { class: "number" })];
-      const of = slider.axes > 1 ? make("small", `largest of ${slider.axes}`) : "";
+      const of = slider.axes > 1 ? make("small", `largest of ${slider.axes}`) : band ? make("small", range_) : "";
       const row = make("div", [make("label", [name, ...(of ? [of] : [])], { for: id }), make("span", [range, marks], { class: "track" }), make("span", [value, unitOf(unit)], { class: "value" }),
         make("span", [share, make("span", [bar, ghost], { class: "bar", "aria-hidden": "true" })], { class: "share" })], { class: "row" });
       const choose = (factor) => { factors[n] = factor; self.show(); update(); };

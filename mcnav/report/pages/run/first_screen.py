@@ -34,7 +34,7 @@ DIGITS: Final = 3
 LONGEST: Final = 12
 """Words of a warning that is written out; of longer ones the first screen says that there are some."""
 
-MORE: Final = Markup('<a href="#requirements">and {} more</a>').format
+MORE: Final = Markup('<a href="#requirements">and {} more{}</a>').format
 LINK: Final = Markup('<a href="#{}">{}</a>').format
 
 
@@ -162,4 +162,5 @@ def _requirements(content: RunAnalysis, said: bool) -> Findings | None:
     more = len(rows) - most if len(rows) > most + (most > 1) else 0
     listed = rows[:most] if more else rows
     entries = [(row.entry.finding, row.tone, requirement_in_brief(row)) for row in listed]
-    return Findings(entries, MORE(more) if more else "")
+    others = (", met" if more == 1 else ", all met") if all(row.tone == "agrees" for row in rows[most:]) else ""
+    return Findings(entries, MORE(more, others) if more else "")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from typing import Any, Final
@@ -12,7 +12,7 @@ from mcnav.report.document.parts import Answers, Folded, Heading, Part
 from mcnav.report.document.table import Table
 from mcnav.report.drawing.figure import Figure, MovedFigure
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.results.worst_components import departures, filter_departures, worst_components
+from mcnav.report.results.worst_components import departures, filter_departures, worst_of_vectors
 
 ROWS: Final = 5
 """Rows of a table that is not folded."""
@@ -35,6 +35,7 @@ SECONDARY: Final = frozenset(
         "nees-history",
         "nis-history",
         "combination",
+        "correlations",
     }
 )
 """Figures that are folded whole: they examine what others of their section show."""
@@ -45,7 +46,12 @@ def with_worst_first(content: RunAnalysis, figure: Figure) -> Figure:
     if not content.looped or figure.shown or isinstance(figure, MovedFigure) or len(figure.panels) <= figure.beside:
         return figure
     away = filter_departures(content) if figure.name == OF_FILTER else departures(content)
-    worst = {content.output_names[place] for place in worst_components(content, away)}
+    return with_rest_folded(figure, away)
+
+
+def with_rest_folded(figure: Figure, away: Mapping[str, float]) -> Figure:
+    """Put the panel of the worst component of each vector first, by how much each output departs; fold beyond a row."""
+    worst = set(worst_of_vectors(list(away), away))
 
     def rank(panel_title: str) -> tuple[bool, float]:
         return panel_title not in worst, -away.get(panel_title, 0.0)

@@ -71,9 +71,13 @@ def draw_jitters(loop: ClosedLoop, epochs: IndexArray, seed: int, samples: Index
 
 def late_errors(loop: ClosedLoop, delays: Array) -> Array:
     """Compute h(t - d) - h(t) of all measurements, shape (n, U, M), with delays d, shape (n, U), s; zero without."""
-    measured = loop.measurements
-    errors = np.zeros((*delays.shape, measured.components.shape[1]))
-    together = max(1, AT_ONCE // len(delays))
+    errors, measured = np.zeros((*delays.shape, loop.measurements.components.shape[1])), loop.measurements
+    # of a budget's or a derivative's samples hardly any has a delay
+    samples = np.flatnonzero(delays.any(axis=1))
+    if not len(samples):
+        return errors
+    of_late, delays = np.zeros((len(samples), *errors.shape[1:])), delays[samples]
+    together = max(1, AT_ONCE // len(samples))
     for number, sensor in enumerate(loop.sensors):
         updates = np.flatnonzero((measured.sensors == number) & delays.any(axis=0))
         for begin in range(0, len(updates), together):
@@ -81,8 +85,9 @@ def late_errors(loop: ClosedLoop, delays: Array) -> Array:
             late = _LateTruth.of(loop, chosen, delays[:, chosen])
             for reference, of_instruments, columns in _measured_alike(sensor):
                 deviations = late.deviations(reference, of_instruments, sensor.lever_arm)
-                _measure(places_of(measured), chosen, columns, _tables(loop), deviations, _rooms(), errors)
-    return np.where(delays[:, :, None] == 0.0, 0.0, errors)
+                _measure(places_of(measured), chosen, columns, _tables(loop), deviations, _rooms(), of_late)
+    errors[samples] = np.where(delays[:, :, None] == 0.0, 0.0, of_late)
+    return errors
 
 
 def _measured_alike(sensor: Sensor) -> Iterator[tuple[Reference, bool, IndexArray]]:

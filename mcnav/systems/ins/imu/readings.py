@@ -20,16 +20,22 @@ from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 _CROSS: Final = tuple((AXES.index(reads), AXES.index(along)) for reads, along in CROSS_AXES)
 
 
+def _places() -> list[int]:
+    """Return the constant that stands at each place of an instrument's matrix, row by row."""
+    places = [[0] * 5 for _ in AXES]
+    for axis in range(3):
+        places[axis][3], places[axis][axis], places[axis][4] = axis, 3 + axis, 12 + axis
+    for number, (reads, along) in enumerate(_CROSS):
+        places[reads][along] = 6 + number
+    return [constant for row in places for constant in row]
+
+
+_PLACES: Final = _places()
+
+
 def response_matrix(constants: Array) -> Array:
     """Arrange an instrument's constants, shape (..., 15): M, bias and the law's coefficients, shape (..., 3, 5)."""
-    matrix = np.zeros((*constants.shape[:-1], 3, 5))
-    for axis in range(3):
-        matrix[..., axis, 3] = constants[..., axis]
-        matrix[..., axis, axis] = constants[..., 3 + axis]
-        matrix[..., axis, 4] = constants[..., 12 + axis]
-    for number, (reads, along) in enumerate(_CROSS):
-        matrix[..., reads, along] = constants[..., 6 + number]
-    return matrix
+    return np.take(constants, _PLACES, axis=-1).reshape(*constants.shape[:-1], 3, 5)
 
 
 def reading_errors(inputs: Array, law: Array, response: Array) -> Array:

@@ -144,7 +144,7 @@ def effect(remedies: Remedies, outputs: Outputs) -> str:
         return f"{percent(best.then.used)} of the limit ({percent(remedies.now.used)} now){finding}"
     if best.mends:
         sigma = remedies.output and not math.isnan(best.then.sigma)
-        of = f", {sigma_words(best.then.sigma, remedies, outputs)}" if sigma else ""
+        of = f", {humanize(remedies.output)} {sigma_words(best.then.sigma, remedies, outputs)}" if sigma else ""
         return f"consistent{by}{of}"
     return f"ratio {rounded(best.then.ratio, 2)} ({rounded(remedies.now.ratio, 2)} now)"
 

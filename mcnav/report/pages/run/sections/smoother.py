@@ -19,7 +19,7 @@ from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.words import TONES
 
-WORSE: Final = "The errors behind the smoother are larger than the filter's own at {} of {} epochs in some output."
+WORSE: Final = "The errors behind the smoother are larger than the filter's at {} of {} epochs in some output."
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -60,6 +60,7 @@ GATES: Final = (
 SAVED: Final = (
     "Copy as TOML gives the whole campaign file with the changed numbers. Save it {} for mcnav lincov or mcnav run."
 )
+BANDS: Final = "A band on a slider is the range that the file gives."
 GRADES: Final = "Letters below a slider are grades of the catalogue: {}; click one to take its value."
 UNSIZED: Final = "No number of the file sizes {}; what they cause stays as it is."
 SEVERAL: Final = "Errors that are correlated keep their correlations."
@@ -114,7 +115,8 @@ def _words(what_if: WhatIf, loop: bool) -> list[Part]:
         STEPS if loop else "",
         SAVED.format(what_if.beside),
     ]
-    above = " ".join(filter(None, (EXPLANATION, GRADES.format(letters) if graded else "")))
+    banded = BANDS if what_if.bands else ""
+    above = " ".join(filter(None, (EXPLANATION, banded, GRADES.format(letters) if graded else "")))
     return [Note(above), Folded("How it is computed", [Sentence(" ".join(filter(None, said)))], explains=True)]
 
 
@@ -165,7 +167,7 @@ def _json(what_if: WhatIf, outputs: Sequence[Output | Variable]) -> str:
         ],
         "sampled": bool(what_if.scales),
         "basis": SAMPLED if what_if.scales else "Requirements, for linear normal errors",
-        **_file(campaign),
+        **_file(campaign, what_if.bands),
     }
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c")
@@ -204,7 +206,7 @@ def _requirement(
     }
 
 
-def _file(campaign: ChangeableCampaign) -> dict[str, object]:
+def _file(campaign: ChangeableCampaign, bands: Mapping[str, tuple[float, float]]) -> dict[str, object]:
     def plain(items: Iterable[tuple[object, ...]]) -> list[list[object]]:
         return [list(item) for item in items]
 
@@ -222,6 +224,7 @@ def _file(campaign: ChangeableCampaign) -> dict[str, object]:
                 "shown": slider.shown,
                 "axes": slider.axes,
                 "grades": plain(slider.grades),
+                **({"band": bands[slider.path]} if slider.path in bands else {}),
             }
             for slider in campaign.sliders
         ],
