@@ -18,7 +18,7 @@ from tests.commands import invoke
 
 FIGURES = {
     "report": 13, "many": 9, "aided": 17, "replay": 1, "comparison": 4, "index": 0, "start times": 6, "linearity": 3,
-    "ins start times": 11, "lincov": 5, "allocate": 2, "sweep": 2, "contours": 2,
+    "ins start times": 11, "lincov": 5, "bent": 3, "allocate": 2, "sweep": 2, "contours": 2,
     "calibration": 19, "story": 12, "textbook": 0, "tn": 16, "ukfm": 1, "trajectory": 1,
 }  # fmt: skip
 SAID = {

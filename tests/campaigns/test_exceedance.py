@@ -245,7 +245,9 @@ def _flies_to_its_limit(folder: Path, way: dict[str, float]) -> None:
     assert 160e3 < flown[0] < 160e3 * (1.0 + 1e-5)
     np.testing.assert_allclose(flown[1], flown[0], rtol=1e-6)
     assert result.limited.endswith("This flight reaches 1.0000 times the limit.")
-    with pytest.raises(RunFolderError, match=r"of requirement 2: .* no such requirement; known of 1$"):
+    with pytest.raises(
+        RunFolderError, match=r"requirement 2 has no likeliest failure: .* no such requirement; known of 1$"
+    ):
         replay_failure(folder, 2)
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mcnav.report.names import humanize
-from mcnav.report.results.model import RunAnalysis
+
+if TYPE_CHECKING:
+    from mcnav.report.results.model import RunAnalysis
 
 AXES: Final = re.compile(r" (?:north|east|down|x|y|z|roll|pitch|yaw)\b")
 """What a component's name has beside that of its vector."""

@@ -6,13 +6,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mcnav.report.document.parts import Answers, Folded, Heading, Part
 from mcnav.report.document.table import Table
 from mcnav.report.drawing.figure import Figure, MovedFigure
-from mcnav.report.results.model import RunAnalysis
 from mcnav.report.results.worst_components import departures, filter_departures, worst_of_vectors
+
+if TYPE_CHECKING:
+    from mcnav.report.results.model import RunAnalysis
 
 ROWS: Final = 5
 """Rows of a table that is not folded."""
