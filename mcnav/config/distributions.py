@@ -94,12 +94,13 @@ class DistributionTable(Table):
 
 
 class NormalTable(DistributionTable):
-    """``{ sigma = "1 km" }``."""
+    """``{ mean = "5 km", sigma = "1 km" }``."""
 
     called: ClassVar[str] = "a normal distribution"
     makes = Normal
     distribution: Annotated[Literal["normal"], Meaning] = "normal"
     sigma: Sigma
+    mean: Annotated[Size, Field(description="Mean, a known error; zero unless given.")] = 0.0
 
 
 class UniformTable(DistributionTable):

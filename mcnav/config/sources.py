@@ -84,7 +84,7 @@ def _by_source(group: str, members: Sequence[str], entry: object, context: FileC
     return {name: Entry(entry, group) for name in members}
 
 
-SIZES: Final = ("sigma", "half_width", "limit", "value", "loc", "scale")
+SIZES: Final = ("sigma", "mean", "half_width", "limit", "value", "loc", "scale")
 """Keys of distributions that have the unit of their source."""
 
 
@@ -93,6 +93,8 @@ def with_units(entries: Mapping[str, Any], sources: Sequence[Source]) -> dict[st
 
     >>> with_units({"altitude": 5e3}, [Source("altitude", "m", "km", 1e3)])
     {'altitude': '5000.0 m'}
+    >>> with_units({"altitude": {"mean": 2.0, "sigma": 1.0}}, [Source("altitude", "m", "km", 1e3)])
+    {'altitude': {'mean': '2.0 m', 'sigma': '1.0 m'}}
     """
     units = {source.group: source.unit for source in sources} | {source.name: source.unit for source in sources}
 

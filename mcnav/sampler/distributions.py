@@ -2,13 +2,14 @@
 
 Every draw is ``F^-1(Phi(z))``, with a standard normal ``z`` and the distribution F. One variate per draw keeps samples
 at fixed places of the random stream, and admits correlations (Gaussian copula) and any design. The distributions here
-are symmetric about zero, except that `Fixed` is a constant; others are in `mcnav.sampler.scipy_and_tables`.
+are symmetric about zero, except that `Normal` may have a mean and `Fixed` is a constant; others are in
+`mcnav.sampler.scipy_and_tables`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Protocol
 
 import numpy as np
@@ -60,7 +61,7 @@ def _positive(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Normal:
-    """Zero-mean normal with standard deviation sigma; zero means no error."""
+    """Normal with standard deviation sigma about a mean; both zero mean no error."""
 
     sigma: float
     mean: float = 0.0
@@ -68,13 +69,15 @@ class Normal:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sigma) and self.sigma >= 0.0):
             raise ValueError(f"sigma must not be negative; got {self.sigma:g}")
+        if not math.isfinite(self.mean):
+            raise ValueError("mean must be finite")
 
     @property
     def standard_deviation(self) -> float:
         return self.sigma
 
     def transform(self, normal: Array) -> Array:
-        return self.sigma * normal
+        return self.mean + self.sigma * normal
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class Uniform:
     """Uniform on [-half_width, half_width], with standard deviation half_width / sqrt(3)."""
 
     half_width: float
-    mean: float = 0.0
+    mean: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         _positive("half_width", self.half_width)
@@ -104,7 +107,7 @@ class TruncatedNormal:
 
     sigma: float
     limit: float
-    mean: float = 0.0
+    mean: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         _positive("sigma", self.sigma)
@@ -135,7 +138,7 @@ class Triangular:
     """Symmetric triangular on [-half_width, half_width], with standard deviation half_width / sqrt(6)."""
 
     half_width: float
-    mean: float = 0.0
+    mean: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         _positive("half_width", self.half_width)
@@ -155,7 +158,7 @@ class StudentT:
 
     sigma: float
     degrees_of_freedom: float
-    mean: float = 0.0
+    mean: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         _positive("sigma", self.sigma)

@@ -128,7 +128,7 @@ class ErrorModel:
 
     def _member(self, name: str, stated: Distribution, number: int) -> Distribution:
         """Return Student's t with the sigma of a normal source."""
-        if not isinstance(stated, Normal):
+        if not isinstance(stated, Normal) or stated.mean != 0.0:
             raise JointError(f"{name} must be stated by its sigma alone, as a normal error", number)
         return StudentT(stated.sigma, self._joint[number].degrees_of_freedom) if stated.sigma > 0.0 else stated
 

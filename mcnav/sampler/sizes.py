@@ -86,27 +86,29 @@ def _make(kind: str, make: Any, pure: Mapping[str, float], **given: Any) -> Erro
     return ErrorSize(distribution, units.pop() if units else "", entry)
 
 
-def normal(sigma: Any) -> ErrorSize:
-    """Return a normal error with zero mean.
+def normal(sigma: Any, mean: Any = 0.0) -> ErrorSize:
+    """Return a normal error.
 
     Parameters
     ----------
-    sigma : float, str or quantity
-        Standard deviation; a float is SI.
+    sigma, mean : float, str or quantity
+        Standard deviation, and a mean of the same unit; a float is SI.
 
     Raises
     ------
     ValueError
-        When it is no size, or negative.
+        When one is no size, or sigma is negative.
 
     Examples
     --------
     >>> import mcnav as mc
     >>> mc.Errors({"altitude": mc.normal("5 km")}).standard_deviations["altitude"]
     np.float64(5000.0)
+    >>> mc.normal("20 ms", mean="110 ms").entry
+    {'distribution': 'normal', 'sigma': '20 ms', 'mean': '110 ms'}
     """
-    made = _make("normal", Normal, {}, sigma=sigma)
-    return replace(made, entry=made.entry["sigma"])
+    made = _make("normal", Normal, {}, sigma=sigma, mean=mean)
+    return made if made.distribution.mean else replace(made, entry=made.entry["sigma"])
 
 
 def uniform(half_width: Any) -> ErrorSize:

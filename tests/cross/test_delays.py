@@ -167,6 +167,30 @@ def test_a_known_delay_moves_the_position_and_no_sigma() -> None:
     np.testing.assert_allclose(sigma, own, rtol=1e-9)
 
 
+def test_a_mean_with_a_sigma_is_a_known_delay_and_a_sigma() -> None:
+    """The mean error is that of a fixed delay, and sigmas are those of the key ``delay``: the filter takes no mean."""
+    states = ("gnss_delay", "gnss_lever_arm")
+    stated = {"mean": "110 ms", "sigma": "20 ms"}
+    alone, known_delay = {"mean": "110 ms", "sigma": "0 s"}, {"distribution": "fixed", "value": "110 ms"}
+    both, without_sigma, fixed = (
+        campaign(ON_ARM, {"gnss_delay": delay}, states, (), TURNS, believes)
+        for delay, believes in (
+            (stated, None), (alone, {"delay": "20 ms"}), (known_delay, {"delay": "20 ms"}),
+        )
+    )  # fmt: skip
+    about_zero = campaign({"delay": "20 ms", **ON_ARM}, None, states, (), TURNS)
+    assert both.errors.mean[list(both.errors.names).index("gnss_delay")] == 0.11
+    for found, expected in zip(sigmas_at_end(both)[:2], sigmas_at_end(about_zero)[:2], strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(sigmas_at_end(both)[2], sigmas_at_end(fixed)[2], rtol=1e-12)
+    for of_mean, of_fixed in zip(sigmas_at_end(without_sigma), sigmas_at_end(fixed), strict=True):
+        np.testing.assert_array_equal(of_mean, of_fixed)
+    draws, centred, known = (each.errors.draw("random", 1, 8, 0, 8) for each in (both, about_zero, fixed))
+    place = list(both.errors.names).index("gnss_delay")
+    np.testing.assert_array_equal(draws[:, place], 0.11 + centred[:, place])
+    np.testing.assert_array_equal(known[:, place], 0.11)
+
+
 def test_an_unmodelled_delay_adds_its_way() -> None:
     """1.6316 m, where the closed form sqrt(0.31784^2 + (80 m/s 20 ms)^2) leaves the earth's curvature out."""
     sigma, own, _ = sigmas_at_end(campaign({"delay": "20 ms"}))
@@ -260,6 +284,10 @@ CASES: Final = {
     ),
     "with a mean": campaign(
         {"jitter": "5 ms", **ON_ARM}, {"gnss_delay": {"distribution": "fixed", "value": "50 ms"}},
+        ("gnss_lever_arm", "gnss_delay"), (), TURNS, {"delay": "60 ms"},
+    ),
+    "with a mean and a sigma": campaign(
+        {"jitter": "5 ms", **ON_ARM}, {"gnss_delay": {"mean": "50 ms", "sigma": "10 ms"}},
         ("gnss_lever_arm", "gnss_delay"), (), TURNS, {"delay": "60 ms"},
     ),
 }  # fmt: skip

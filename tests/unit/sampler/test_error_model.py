@@ -162,6 +162,7 @@ def test_semidefinite_factor() -> None:
     ("make", "message"),
     [
         (lambda: Normal(-1.0), "must not be negative"),
+        (lambda: Normal(1.0, np.inf), "mean must be finite"),
         (lambda: Uniform(0.0), "must be positive"),
         (lambda: StudentT(1.0, 2.0), "must exceed 2"),
         (lambda: TruncatedNormal(1.0, 1e-9), "at least 0.001 sigma"),

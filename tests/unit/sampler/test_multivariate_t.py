@@ -173,6 +173,8 @@ def test_impossible_ones_are_refused() -> None:
         ErrorModel(NAMES, SOURCES, (), [MultivariateT(("a", "d"), 5.0)])
     with pytest.raises(JointError, match="f must be stated by its sigma alone"):
         ErrorModel(NAMES, {**SOURCES, "f": Fixed(1.0)}, (), [MultivariateT(("f", "a"), 5.0)])
+    with pytest.raises(JointError, match="f must be stated by its sigma alone"):
+        ErrorModel(NAMES, {**SOURCES, "f": Normal(1.0, 2.0)}, (), [MultivariateT(("f", "a"), 5.0)])
     with pytest.raises(JointError, match="b is named twice"):
         ErrorModel(NAMES, SOURCES, (), [MultivariateT(("a", "b"), 5.0), MultivariateT(("b", "c"), 5.0)])
     with pytest.raises(CorrelationError, match=r"can be correlated up to 0\.9[0-9]+; got 0\.99"):
