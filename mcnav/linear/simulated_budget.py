@@ -20,7 +20,7 @@ from mcnav.linear.partials import Propagate, affordable, require_fast, simulate_
 from mcnav.linear.sobol import POINTS, estimate_sobol_indices
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.sampler.error_model import ErrorModel
-from mcnav.statistics.estimates import blocked_mean, paired_squares
+from mcnav.statistics.estimates import blocked_means, paired_squares
 
 DRAWS: Final = 2_000
 """Draws that are simulated twice for each source."""
@@ -79,9 +79,7 @@ def simulate_each_source_alone(
             covariance = np.where(np.outer(varied, varied), errors.covariance, 0.0)
             expected = np.diag(propagated_covariance(partials, covariance))
             simulated, linear = simulate_or_raise(propagate, some), some @ partials.T
-            for i in range(len(partials)):
-                squares = paired_squares(simulated[:, i], linear[:, i])
-                mean = blocked_mean(squares, blocks, sampling.fewest_blocks)
-                table.variance[i, j] = expected[i] + mean.value
-                table.standard_error[i, j], freedom = mean.standard_error, mean.degrees_of_freedom
+            mean = blocked_means(paired_squares(simulated, linear), blocks, sampling.fewest_blocks)
+            table.variance[:, j] = expected + mean.values
+            table.standard_error[:, j], freedom = mean.standard_errors, mean.degrees_of_freedom
     return SourceBudget(count, freedom, alone, without)

@@ -92,6 +92,31 @@ def blocked_mean(values: Array, blocks: IndexArray, fewest: float = 2) -> Estima
     return _estimate(mean, deviations, count, fewest)
 
 
+@dataclass(frozen=True)
+class MeanColumns:
+    """Means of several quantities over the same samples, and their standard errors, shape (quantities,) each."""
+
+    values: Array
+    standard_errors: Array
+    degrees_of_freedom: float
+
+
+def blocked_means(values: Array, blocks: IndexArray, fewest: float = 2) -> MeanColumns:
+    """Estimate the means of columns, shape (n, quantities), as `blocked_mean` does for one.
+
+    At least one sample is required.
+    """
+    means, begins = values.mean(axis=0), block_begins(blocks)
+    deviations = values - means
+    if len(begins) < len(values):
+        deviations = np.add.reduceat(deviations, begins, axis=0)
+    number = len(deviations)
+    if number < max(2, fewest):
+        return MeanColumns(means, np.full(len(means), np.inf), 0.0)
+    squares = np.einsum("ij,ij->j", deviations, deviations)
+    return MeanColumns(means, np.sqrt(number / (number - 1.0) * squares) / len(values), number - 1.0)
+
+
 def _estimate(mean: float, deviations: Array, count: float, fewest: float) -> Estimate:
     """Form an estimate from the block sums of deviations from the mean."""
     number = len(deviations)
@@ -113,12 +138,12 @@ def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
 
 
 def paired_squares(simulated: Array, linear: Array) -> Array:
-    """Return the squares of simulated less those of linear errors, each about their mean, shape (n,).
+    """Return the squares of simulated less those of linear errors, each about their mean, shape (n,) or (n, outputs).
 
     Their mean is the difference of the unbiased sample variances.
     """
     unbiased = len(simulated) / max(len(simulated) - 1.0, 1.0)
-    return np.asarray(unbiased * ((simulated - simulated.mean()) ** 2 - (linear - linear.mean()) ** 2))
+    return np.asarray(unbiased * ((simulated - simulated.mean(axis=0)) ** 2 - (linear - linear.mean(axis=0)) ** 2))
 
 
 def block_begins(blocks: IndexArray) -> IndexArray:

@@ -10,7 +10,7 @@ from scipy import stats
 
 from mcnav.statistics import chi_square, mean_square, order_statistics, power, proportions, shape
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
-from mcnav.statistics.estimates import Estimate, blocked_mean, summed_mean
+from mcnav.statistics.estimates import Estimate, blocked_mean, blocked_means, summed_mean
 from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.mardia import mardia
@@ -307,6 +307,18 @@ def test_asymmetry_of_blocks() -> None:
     found = blocked_mean(values, np.arange(500))
     assert found.asymmetry == pytest.approx(stats.skew(values) / np.sqrt(500.0), rel=1e-12)
     assert blocked_mean(np.ones(50), np.arange(50)).asymmetry == 0.0
+
+
+@pytest.mark.parametrize("blocks", [np.arange(60), np.repeat(np.arange(6), 10), np.repeat([0, 1], [59, 1])])
+@pytest.mark.parametrize("fewest", [2, 4])
+def test_means_of_columns_are_those_of_each(blocks: np.ndarray, fewest: int) -> None:
+    """To rounding: sums of 60 terms in another order."""
+    values = np.random.default_rng(7).normal(3.0, 2.0, (60, 5))
+    columns = blocked_means(values, blocks, fewest)
+    single = [blocked_mean(column, blocks, fewest) for column in values.T]
+    np.testing.assert_allclose(columns.values, [mean.value for mean in single], rtol=60 * np.finfo(float).eps)
+    np.testing.assert_allclose(columns.standard_errors, [mean.standard_error for mean in single], rtol=1e-12)
+    assert {mean.degrees_of_freedom for mean in single} == {columns.degrees_of_freedom}
 
 
 def test_shape_of_dispersion_in_one_block_has_no_error() -> None:
