@@ -86,6 +86,11 @@ def percentiles_table(
         f"independent samples. Agrees: the whole interval is within ±{tolerance} of the linear value; differs: it is "
         "outside."
     )
+    if summary.pairs_without_cep:
+        caption += (
+            f" {summary.pairs_without_cep:,} pairs of outputs in one unit are too many for a CEP of each: a requirement "
+            "[[accept.cep]] computes the one you need."
+        )
     return ResultTable.of_entries("percentiles", TITLE, 3, COLUMNS, rows, caption)
 
 
