@@ -39,7 +39,9 @@ def test_partials_of_a_closed_loop(sensors: tuple[str, ...]) -> None:
     tables, of = engine(sensors=sensors).tables, scenario(sensors)
     shared, measured = tables.ensemble, tables.loop.measurements
     # a constant error of a sensor adds to the innovation what a measurement's error takes from it
-    found = partials(tables.adjoint, shared.inputs, shared.start_map, -measured.constants, -measured.swings)
+    found = partials(
+        tables.adjoint, shared.inputs(np.arange(30)), shared.start_map, -measured.constants, -measured.swings
+    )
     expected = of.linear_over_time(2).partials[-1]
     assert found.shape == expected.shape
     sizes = draw(1, {**SIGMAS, **NEGLECTED}, 1, of)[0] != 0.0
@@ -53,13 +55,14 @@ def test_partials_of_a_free_navigator() -> None:
     """As the covariance propagates them forwards: with the gyros' errors alone, which reach all outputs."""
     tables = engine().tables
     shared = tables.ensemble
-    found = partials(shared.adjoint, shared.inputs, shared.start_map, np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
+    inputs = shared.inputs(np.arange(30))
+    found = partials(shared.adjoint, inputs, shared.start_map, np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
     y = np.zeros((9, len(CONSTANTS)))
     y[:, :9] = shared.start_map
     for k in range(len(shared.durations)):
         following = y.copy()
         following[3:] = shared.motion[k] @ y
-        following[:, 9:] += shared.inputs[k].T
+        following[:, 9:] += inputs[k].T
         y = following
     expected = shared.output_maps[-1] @ y
     scale = np.abs(expected[:, : 9 + len(GYRO)]).max(axis=0)
