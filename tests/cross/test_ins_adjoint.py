@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mcnav.arrays.types import Array
-from mcnav.systems.ins.ensemble.adjoint import Adjoint
+from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_closed
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
 from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO
+from mcnav.systems.ins.linear.response_blocks import BLOCK
 from tests.cross.test_ins_aided import NEGLECTED, SIGMAS, draw, engine, scenario
 
 ROUNDING = 1e-11
@@ -49,6 +50,21 @@ def test_partials_of_a_closed_loop(sensors: tuple[str, ...]) -> None:
     assert np.all(scale[sizes] > 0.0)
     np.testing.assert_allclose(found / np.where(scale > 0.0, scale, 1.0), expected / np.where(scale > 0.0, scale, 1.0),
                                rtol=0.0, atol=ROUNDING)  # fmt: skip
+
+
+@pytest.mark.parametrize("block", [1, 7])
+def test_blocks_have_the_bits_of_the_whole(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of steps and updates, to the last epoch and to one before it, which begins a block or is within one."""
+    tables = engine(sensors=ALL).tables
+    loop, gains, maps = tables.loop, tables.shared.gains, tables.ensemble.output_maps
+    times = (len(loop.times) - 1, 28, 24)
+    whole = [adjoint_of_closed(loop, gains, last, maps[-1]) for last in times]
+    assert len(loop.times) - 1 < BLOCK
+    monkeypatch.setattr("mcnav.systems.ins.ensemble.adjoint.BLOCK", block)
+    for last, expected in zip(times, whole, strict=True):
+        found = adjoint_of_closed(loop, gains, last, maps[-1])
+        for name in ("start", "steps", "updates"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
 
 
 def test_partials_of_a_free_navigator() -> None:

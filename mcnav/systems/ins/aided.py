@@ -122,8 +122,9 @@ class AidedNavigation:
 
     def _close(self, division: int) -> ClosedLoop:
         """Return the closed loop on a finer grid, of which samples take tables of their own once."""
-        once = partial(Responses, kept=0)
-        return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter, once)
+        once, known = partial(Responses, kept=0), self.loop.measurements
+        grid = self.grid(division)
+        return close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter, once, known)
 
     def places(self, loop: ClosedLoop) -> IndexArray:
         """Return the numbers of the epochs in a loop's grid."""

@@ -93,6 +93,7 @@ from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.imu.instruments import CONSTANTS, IMU_STREAM
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
+from mcnav.systems.ins.linear.response_blocks import BLOCK
 from mcnav.systems.ins.sensors.aiding import aiding_constants, gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
@@ -115,9 +116,6 @@ OWN_NOISE: Final = 3e-4
 
 It would add 1e-7 of the position's variance.
 """
-
-STEPS_OF_NOISE: Final = 512
-"""Steps whose noise is arranged for compiled code at the same time."""
 
 EPOCH_STREAM: Final = 4
 """Stream of the correlated errors' change from the last measurement to an epoch."""
@@ -226,8 +224,8 @@ class AidedTables:
         model, shared = self.loop.filter, self.ensemble
         threes = THREE + count_threes(len(model.constants))
         noises = np.empty((count, threes, threes, ENTRIES))
-        for first in range(0, count, STEPS_OF_NOISE):
-            steps = slice(first, min(first + STEPS_OF_NOISE, count))
+        for first in range(0, count, BLOCK):
+            steps = slice(first, min(first + BLOCK, count))
             noises[steps] = blocks_of(noise_matrices(model.noise, steps))
         of_steps = (shared.durations, shared.motion, shared.thrust, model.coupling, model.decay)
         durations, motion, thrust, coupling, decay = (table[:count] for table in of_steps)
