@@ -23,9 +23,9 @@ PROBABILITIES: Final = (0.95, 0.99, 0.9973)
 """Probabilities of the quantiles of an output's absolute value."""
 
 MOST_PAIRS: Final = 1_000
-"""Pairs of outputs in one unit, those of 45 outputs, above which none has a CEP: a requirement asks for the ones needed.
+"""Pairs of outputs in one unit, those of 45 outputs, above which none has a CEP; a requirement asks for one.
 
-So many outputs are no vector of two. All pairs of 200 outputs took two thirds of the time of a run.
+So many outputs are no vectors of two. All pairs of 200 outputs took two thirds of the time of a run.
 """
 
 Wanted = tuple[tuple[int, ...], float]
