@@ -232,9 +232,9 @@ def test_statement_and_requirements_follow_the_examination() -> None:
     words, tone = statements(answer)[0]
     assert tone == "differs"
     assert words == (
-        "Linear analysis, examined by 45 flights: holds for 1 of 2 outputs. Y (true sigma about 2.53 times) does not. "
-        "Sigma to second order: y 52.2 m (linear 20.0). Together it does not: use no gate or fusion with the "
-        "full matrix"
+        "Linear analysis, examined by 45 flights: holds for 1 of 2 outputs. It fails for y "
+        "(2.53 times the linear sigma). Sigma to second order: y 52.2 m (linear 20.0). "
+        "Do not gate or fuse with the full matrix, which is wrong"
     )
 
 
