@@ -26,6 +26,8 @@ from mcnav.sampler.error_model import ErrorModel
 from mcnav.studies import examine
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linear_answers import linear_covariance
+from mcnav.systems.guard import call_user
+from mcnav.systems.sample_loop import simulate_each
 from mcnav.systems.user import kept
 from tests.commands import invoke
 from tests.scaled_errors import scaled_errors
@@ -271,6 +273,8 @@ def test_nothing_is_compiled_for_it_unless_it_is_asked_for() -> None:
     before = COMPILATION.functions
     with COMPILATION.refusing(), pytest.raises(NotCompiled):
         function(2.0)
+    with COMPILATION.refusing(), pytest.raises(NotCompiled):  # no failure of a sample
+        simulate_each(lambda row: np.full(1, call_user(function, float(row))), range(2), np.empty((2, 1)))
     assert (COMPILATION.begun, COMPILATION.functions) == (0, before)
     assert function(2.0) == 2.0 + number
 
