@@ -126,6 +126,12 @@ def test_equal_options_have_one_number() -> None:
 
 
 @pytest.fixture
+def unstored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile, also what an earlier run of the tests has stored."""
+    monkeypatch.setattr(jit, "use_store", lambda *_: None)
+
+
+@pytest.fixture
 def resolved_calls() -> Iterator[list[str]]:
     """Count what numba resolves."""
     resolved: list[str] = []
@@ -142,6 +148,7 @@ def resolved_calls() -> Iterator[list[str]]:
     cell.cell_contents = resolve
 
 
+@pytest.mark.usefixtures("unstored")
 def test_a_call_is_resolved_once(resolved_calls: list[str]) -> None:
     @jit.compiled
     def polynomial(x: np.float32, y: np.int16) -> np.float32:
@@ -156,6 +163,7 @@ class _Pair(NamedTuple):
     other: np.ndarray
 
 
+@pytest.mark.usefixtures("unstored")
 def test_what_is_assigned_once_is_not_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """A tuple that other blocks use is a value there; what changes on the way stays what Python makes of it."""
     places: list[str] = []
@@ -184,6 +192,7 @@ def test_what_is_assigned_once_is_not_in_memory(monkeypatch: pytest.MonkeyPatch)
     assert {name.partition(".")[0] for name in places} & {"pair", "same", "last"} == {"last"}
 
 
+@pytest.mark.usefixtures("unstored")
 def test_an_inlined_function_is_read_once() -> None:
     """For callers of the same options, whose copies are their own."""
     read: list[str] = []
