@@ -207,8 +207,11 @@ class AidedNavigation:
         """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error.
 
         The tables of half the coarsest steps are computed in a thread beside what needs those of the coarsest ones.
+        Without a probe the coarsest steps are taken, and no error is known.
         """
         probes = probes[:PROBES]
+        if not len(probes):
+            return self.tables(1), float("nan")
         division, most = 1, MOST_STEPS // 2
         with side_threads(1) as beside:
             halved = beside.submit(self.tables, 2) if len(self.loop.times) - 1 <= most else None
