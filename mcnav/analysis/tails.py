@@ -71,7 +71,8 @@ def tails(
     """
     picked, remark = independent_samples(blocks)
     pairs = pairs_in_one_unit(model, units)
-    wanted = [((i,), PROBABILITIES) for i in _dispersed_outputs(model)]
+    wanted = list[tuple[tuple[int, ...], tuple[float, ...]]]()
+    wanted += [((i,), PROBABILITIES) for i in _dispersed_outputs(model)]
     wanted += [(pair, (0.5,)) for pair in pairs if len(pairs) <= MOST_PAIRS]
     linear = _linear_quantiles(model, [(outputs, each) for outputs, several in wanted for each in several])
     sure = 1.0 - 0.5 * (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / max(len(linear), 1)
@@ -104,12 +105,12 @@ def _dispersed_outputs(model: Model) -> list[int]:
     varied = variances > 0.0
     for i, members in model.sizes.items():
         varied[i] |= variances[[*members]].any()
-    return np.flatnonzero(varied).tolist()  # type: ignore[no-any-return]
+    return np.flatnonzero(varied).tolist()
 
 
 def _linear_quantiles(model: Model, wanted: Sequence[Wanted]) -> dict[Wanted, float]:
     """Compute quantiles by the linear model, those of equally many outputs together; NaN where one is refused."""
-    quantiles = {}
+    quantiles = dict[Wanted, float]()
     for number in (1, 2):
         alike = [entry for entry in wanted if len(entry[0]) == number and not size_members(entry[0], model.sizes)]
         picked = np.array([outputs for outputs, _ in alike], dtype=int).reshape(-1, number)
