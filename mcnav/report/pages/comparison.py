@@ -264,6 +264,7 @@ def terminal(
     """List what the terminal shows: the inputs that differ, and the change of each output."""
     changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
     return [
+        *([_changed(titles, rows)] if rows else []),
         changed if changed.rows else Sentence(f"The runs have {SAME}."),
         change_table(titles, rows, confidence, words),
     ]
