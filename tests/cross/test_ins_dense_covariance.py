@@ -239,7 +239,7 @@ def test_a_rate_random_walk_on_a_lever_arm_acts_as_the_bias_that_it_is() -> None
     aided, jump = navigation().aided, 1e-3
     assert aided is not None
     tables = aided.tables(1)
-    walks = biased_processes(tables.loop.responses, UNIT).index("gyro_rate_random_walk_z")
+    walks = biased_processes(tables.loop.responses.between(0, 1), UNIT).index("gyro_rate_random_walk_z")
     errors = np.zeros((2, len(sized(aided.sensors, SIGMAS))))
     errors[0, CONSTANTS.index("gyro_bias_z")] = jump
     steps, width = tables.ensemble.factors.shape[:2]

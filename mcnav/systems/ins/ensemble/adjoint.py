@@ -19,7 +19,6 @@ from mcnav.systems.ins.ensemble.filter_system import Steps, Updates
 from mcnav.systems.ins.ensemble.gains import ReadingTimes, check_tables
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
-from mcnav.systems.ins.linear.covariance import transitions
 
 
 @dataclass(frozen=True)
@@ -72,9 +71,11 @@ def adjoint_of_closed(loop: ClosedLoop, gains: Array, last: int, output_map: Arr
         Of the filter.
     """
     tables, measured = loop.filter, loop.measurements
-    steps = Steps(np.concatenate([transitions(loop.responses), -tables.coupling], axis=2), tables.decay)
+    over = tables.transitions.copy()
+    over[:, :, NAVIGATION:] *= -1.0
     responses = np.concatenate([measured.rows, -tables.rows], axis=2)
     updates = Updates(loop.first_updates, measured.sizes, responses)
+    steps = Steps(over, tables.decay)
     true_gains = np.concatenate([gains[:, :NAVIGATION], -gains[:, NAVIGATION:]], axis=1)
     end = np.zeros((NAVIGATION, responses.shape[2]))
     end[:, :NAVIGATION] = output_map

@@ -184,8 +184,9 @@ class AidedTables:
         model = self.loop.filter
         coupled = np.any(model.coupling, axis=0)
         return EstimateSteps(
-            model.coupling, model.decay, model.corrected, np.flatnonzero(np.any(coupled[:3], axis=0)),
-            np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(np.any(model.decay != 1.0, axis=0)),
+            np.ascontiguousarray(model.coupling), model.decay, model.corrected,
+            np.flatnonzero(np.any(coupled[:3], axis=0)), np.flatnonzero(np.any(coupled[3:], axis=0)),
+            np.flatnonzero(np.any(model.decay != 1.0, axis=0)),
         )  # fmt: skip
 
     @cached_property

@@ -9,7 +9,6 @@ import numpy as np
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
-from mcnav.systems.ins.linear.covariance import transitions
 
 
 class Steps(NamedTuple):
@@ -74,7 +73,7 @@ def filter_system(loop: ClosedLoop) -> tuple[tuple[Steps, StepNoise], Updates]:
     paired[:, 1:] = np.diagonal(tables.noise[:, NAVIGATION:, NAVIGATION:], -1, axis1=1, axis2=2)
     return (
         (
-            Steps(np.concatenate([transitions(loop.responses), tables.coupling], axis=2), tables.decay),
+            Steps(tables.transitions, tables.decay),
             StepNoise(*(np.ascontiguousarray(table) for table in (white, cross, driven, paired))),
         ),
         Updates(loop.first_updates, measured.sizes, np.concatenate([measured.rows, tables.rows], axis=2)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
 from mcnav.systems.ins.imu.gravity import DISTURBANCES
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
-from mcnav.systems.ins.linear.covariance import output_map, process_systems
-from mcnav.systems.ins.linear.response import StepResponses, respond
+from mcnav.systems.ins.linear.covariance import output_map, process_systems, transitions
+from mcnav.systems.ins.linear.response import StepResponses
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
 from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, jitter_rows, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -24,8 +25,8 @@ class FilterTables:
 
     Attributes
     ----------
-    coupling : ndarray, shape (K, 9, q)
-        Responses of psi, v, x to the errors that the other states are.
+    transitions : ndarray, shape (K, 9, 9 + q)
+        Responses of psi, v, x to themselves and to the errors that the other states are.
     decay : ndarray, shape (K, q)
         What is left of these at the end of a step.
     noise : ndarray, shape (K, 9 + q, 9 + q)
@@ -48,13 +49,13 @@ class FilterTables:
         one and zero but for flexure.
     partners : ndarray of int, shape (q,)
         Number of that other one; of a state without one its own.
-    believed : StepResponses
+    believed : Responses
         To the processes of the instruments as believed.
     rate_errors : ndarray of int, shape (q,)
         Number of the gyros' constant error as which a state enters the rate that a lever arm needs, -1 for none.
     """
 
-    coupling: Array
+    transitions: Array
     decay: Array
     noise: Array
     initial: Array
@@ -67,17 +68,23 @@ class FilterTables:
     parts: tuple[int, ...]
     natural: Array
     partners: IndexArray
-    believed: StepResponses
+    believed: Responses
+
+    @property
+    def coupling(self) -> Array:
+        """Responses of psi, v, x to the errors that the other states are, shape (K, 9, q)."""
+        return self.transitions[:, :, NAVIGATION:]
 
 
 def tabulate_filter(
-    truth: Truth, platform: Platform, imu: Imu, responses: StepResponses, model: FilterModel, measurements: Measurements
+    truth: Truth, platform: Platform, imu: Imu, responses: Responses, model: FilterModel, measurements: Measurements
 ) -> FilterTables:
     """Tabulate a filter along the truth, from the responses to the true processes of the instruments over the steps."""
     beliefs, states = model.beliefs, model.states
     count, steps = len(states), len(responses.times) - 1
-    believed = responses if same_memory(imu, beliefs.imu) else respond(truth, platform, responses.times, beliefs.imu)
-    systems = process_systems(believed, beliefs.imu)
+    believed = (
+        responses if same_memory(imu, beliefs.imu) else replace(responses, imu=beliefs.imu, _first={}, _latest=[])
+    )
     sources = {name: number for number, name in enumerate((*CONSTANTS, *aiding_constants(beliefs.sensors)))}
     components = [component for sensor in beliefs.sensors for component in sensor.components]
     sigmas = white_sigmas(beliefs.sensors, measurements)
@@ -85,7 +92,7 @@ def tabulate_filter(
         _process_of(state.name, sources) if state.flexure is None else state.flexure.process for state in states
     )
     tables = FilterTables(
-        np.zeros((steps, NAVIGATION, count)), np.ones((steps, count)),
+        np.zeros((steps, NAVIGATION, NAVIGATION + count)), np.ones((steps, count)),
         np.zeros((steps, NAVIGATION + count, NAVIGATION + count)),
         initial_covariance(truth, beliefs.covariance, states, float(responses.times[0]), 0.0),
         np.zeros((*measurements.components.shape, count)), sigmas**2,
@@ -98,14 +105,8 @@ def tabulate_filter(
     )  # fmt: skip
     for place, (state, name) in enumerate(zip(states, modelled, strict=True)):
         tables.decay[:, place] = np.exp(-np.diff(responses.times) / state.correlation_time)
-        if state.name in sources:
-            tables.coupling[:, :, place] = _constant_response(responses, state.name)
-            if sources[state.name] >= len(CONSTANTS):
-                tables.rows[:, :, place] = measurements.constants[:, :, sources[state.name] - len(CONSTANTS)]
-        if name in systems:
-            tables.coupling[:, :, place] = systems[name][0][:, :NAVIGATION]
-        if name in DISTURBANCES:
-            tables.decay[:, place] = systems[name][0][:, NAVIGATION]
+        if sources.get(state.name, -1) >= len(CONSTANTS):
+            tables.rows[:, :, place] = measurements.constants[:, :, sources[state.name] - len(CONSTANTS)]
         for number, component in enumerate(components):
             if name == component.error_name("correlated"):
                 tables.rows[:, :, place] = -1.0 * (measurements.components == number)
@@ -118,8 +119,32 @@ def tabulate_filter(
         if tables.rate_errors[place] >= 0 and measurements.swings.size:
             tables.rows[:, :, place] = measurements.swings[:, :, tables.rate_errors[place]]
     _fill_flexures(tables, states, responses.times, beliefs.sensors, measurements)
-    _add_noise(tables.noise, systems, {name: NAVIGATION + n for n, name in enumerate(modelled) if name in systems})
+    _fill_steps(tables, responses, beliefs.imu, states, modelled)
     return tables
+
+
+def _fill_steps(
+    tables: FilterTables, responses: Responses, imu: Imu, states: Sequence[FilterState], modelled: Sequence[str]
+) -> None:
+    """Fill in the transitions, and what the believed processes of the instruments and of gravity do.
+
+    Parameters
+    ----------
+    modelled : sequence of str
+        Processes, by state.
+    """
+    for (steps, true), (_, own) in zip(responses.blocks(), tables.believed.blocks(), strict=True):
+        systems = process_systems(own, imu)
+        tables.transitions[steps, :, :NAVIGATION] = transitions(true)
+        for place, (state, name) in enumerate(zip(states, modelled, strict=True)):
+            if tables.constants[place] >= 0:
+                tables.coupling[steps, :, place] = _constant_response(true, state.name)
+            if name in systems:
+                tables.coupling[steps, :, place] = systems[name][0][:, :NAVIGATION]
+            if name in DISTURBANCES:
+                tables.decay[steps, place] = systems[name][0][:, NAVIGATION]
+        of_state = {name: NAVIGATION + place for place, name in enumerate(modelled) if name in systems}
+        _add_noise(tables.noise[steps], systems, of_state)
 
 
 def _fill_flexures(
