@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 
 from mcnav.entries.examples import examples
+from mcnav.execution.streams import HANDLER
 from mcnav.studies import precompile
 from mcnav.systems.reentry.scenario import SOURCES
 from tests.commands import in_process, invoke
