@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,9 +71,13 @@ class FilterTables:
 
 
 def tabulate_filter(
-    truth: Truth, platform: Platform, imu: Imu, responses: StepResponses, model: FilterModel, measurements: Measurements
-) -> FilterTables:
-    """Tabulate a filter along the truth, from the responses to the true processes of the instruments over the steps."""
+    truth: Truth, platform: Platform, imu: Imu, responses: StepResponses, model: FilterModel,
+    measurements: Measurements, respond: Callable[[Truth, Platform, Array, Imu], StepResponses] = respond,
+) -> FilterTables:  # fmt: skip
+    """Tabulate a filter along the truth, from the responses to the true processes of the instruments over the steps.
+
+    ``respond`` computes those to the believed processes, where their memory is another one.
+    """
     beliefs, states = model.beliefs, model.states
     count, steps = len(states), len(responses.times) - 1
     believed = responses if same_memory(imu, beliefs.imu) else respond(truth, platform, responses.times, beliefs.imu)

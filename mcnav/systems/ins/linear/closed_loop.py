@@ -106,7 +106,7 @@ def close_loop(
     """
     responses = respond(truth, platform, times, imu)
     measurements = measure(truth, platform, float(times[0]), sensors)
-    tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
+    tables = tabulate_filter(truth, platform, imu, responses, model, measurements, respond)
     first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
     return ClosedLoop(truth, platform, imu, sensors, model, responses, measurements, tables, first)
 
