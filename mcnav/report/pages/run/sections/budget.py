@@ -9,6 +9,7 @@ import numpy as np
 from mcnav.report.columns.share_table import each_cause, share_tables, together
 from mcnav.report.document import formulas
 from mcnav.report.document.parts import Folded, Part, Section, Sentence, headed, joined
+from mcnav.report.document.table import row_limit
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures.sources import contributors
 from mcnav.report.pages.run.sections.simulated_budget import simulated_budget
@@ -38,13 +39,15 @@ def _tables(content: RunAnalysis) -> list[Part]:
         f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",
         "Cause", outputs, together(budget, caused, parts), cross_terms,
     )  # fmt: skip
+    limit = row_limit(len(outputs))
+    left_out = f" The {len(every) - limit:,} with the smallest mean share are in summary.json." * (len(every) > limit)
     whole = share_tables(
-        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each cause alone.",
-        "Cause", outputs, every, cross_terms, sigmas=True, means=bool(np.any(model.mean)),
+        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each cause alone.{left_out}",
+        "Cause", outputs, every[:limit], cross_terms, sigmas=True, means=bool(np.any(model.mean)),
     )  # fmt: skip
     if content.looped:
         foremost = [Folded(f"Shares of all {len(outputs)} outputs", foremost)]
-    return [*foremost, Folded(f"All {len(every)} causes", whole)]
+    return [*foremost, Folded(f"{limit} of {len(every)} causes" if left_out else f"All {len(every)} causes", whole)]
 
 
 def _definition() -> Folded:
