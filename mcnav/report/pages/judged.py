@@ -150,6 +150,8 @@ def verdict(judgement: Judgement) -> Verdict:
     if not judgement.alarm:
         headline = "Nothing in this record is at odds with the campaign."
         return Verdict(headline, "agrees", (f"{_capital(compared)}; below 5 % would be an alarm.", *power(judgement)))
+    if judgement.findings and not judgement.explained:
+        return _unexplained(judgement, f"{_capital(compared)}.")
     if not judgement.findings:
         headline = "This record is at odds with the campaign, and no single number of the campaign explains it."
         return Verdict(headline, "differs", (f"{_capital(compared)}.", *correlated(judgement), *power(judgement)))
@@ -160,6 +162,21 @@ def verdict(judgement: Judgement) -> Verdict:
     if judgement.findings[-1].left <= LEVEL:
         sentences += correlated(judgement)
     return Verdict(f"{_capital(words(first))}.", "differs", (*sentences, *power(judgement)))
+
+
+def _unexplained(judgement: Judgement, compared: str) -> Verdict:
+    """Say that a record is not explained by what comes nearest, of which no interval is given."""
+    nearest = [plain_name(finding.number.name) for finding in judgement.findings]
+    tried = "this number" if len(nearest) == 1 else f"these {len(nearest)} numbers"
+    return Verdict(
+        "This record is at odds with the campaign, and no number of the campaign explains it.", "differs",
+        (
+            compared, f"Nearest come the {', then the '.join(nearest)}.",
+            f"With {tried} changed, still none of the simulated records is as unusual: do not change the campaign by "
+            "this record. Check units, axes, signs and clocks of the files first.",
+            *correlated(judgement), *power(judgement),
+        ),
+    )  # fmt: skip
 
 
 def correlated(judgement: Judgement) -> list[str]:
@@ -315,7 +332,12 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
 
 
 def to_paste(judgement: Judgement) -> str:
-    """Return the entries of the campaign that change, as TOML in which each table stands once; empty for none."""
+    """Return the entries of the campaign that change, as TOML in which each table stands once; empty for none.
+
+    Nothing is to be changed where what is named does not explain the record.
+    """
+    if not judgement.explained:
+        return ""
     tables: dict[str, list[str]] = {}
     for finding in judgement.findings:
         place, _, key = finding.number.key.partition("] ")
