@@ -186,6 +186,7 @@ def box_entry(box: Box, names: Sequence[str]) -> Mapping[str, object]:
         "settings": box.settings,
         "systems": box.systems,
         "held": list(box.held),
+        **({} if box.gated is None else {"gated": dict(box.gated)}),
         "narrowed": [asdict(row) for row in box.narrowed],
     }  # fmt: skip
 
