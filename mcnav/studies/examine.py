@@ -9,9 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.corrected_moments import CorrectedMoments, corrected_moments
+from mcnav.analysis.corrected_moments import CorrectedMoments
 from mcnav.analysis.examination import CheckFlights, Examination, Linearity, examine, refuse
 from mcnav.analysis.model import Model
+from mcnav.analysis.moment_correction import correct_moments
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.members import ready_engine
@@ -23,6 +24,7 @@ from mcnav.linear.higher_order import second_order
 from mcnav.linear.partials import QUICK, SimulationFailed
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.studies.curved_tails import MOST_SIMULATIONS
+from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.user.scenario import is_users
 
 SEED: Final = 1_965
@@ -77,7 +79,13 @@ def examine_campaign(campaign: Campaign, model: Model, seconds: float = math.inf
 
 
 def _examine_within(seconds: float, campaign: Campaign, model: Model) -> Examination:
-    errors = campaign.errors
+    errors, scenario = campaign.errors, campaign.scenario
+    if is_ins(scenario) and scenario.filter_schema is not None:
+        # halved steps cost more than all simulations; the error of the coarsest ones is a share of the departure
+        untested = ready_engine(scenario, scenario.engines[0], np.empty((0, len(errors.names))))
+        coarse = examine_model(model, errors, untested, campaign.tolerance)
+        if coarse.holds:
+            return coarse
     engine = _engine_of(campaign, seconds)
     examined = examine_model(model, errors, engine, campaign.tolerance)
     if examined.failed or engine.chunk < QUICK:
@@ -123,12 +131,12 @@ def _corrected(errors: ErrorModel, model: Model, engine: Engine, examined: Exami
         order = second_order(without_noise(engine), errors.mean, errors.covariance, STEP)
     except SimulationFailed:
         return None
-    moments, linear = corrected_moments(model, order, examined), np.sqrt(np.diag(model.outcome_covariance))
+    moments, linear = correct_moments(model, order, examined), np.sqrt(np.diag(model.outcome_covariance))
     needed = np.array([output.verdict != Linearity.HOLDS for output in examined.outputs])
     if not np.any(needed & ~moments.improves(linear)):
         return moments
     further = _examine_by(CORRECTING, model, errors, engine, examined.tolerance)
-    return moments if further.failed else corrected_moments(model, order, further)
+    return moments if further.failed else correct_moments(model, order, further)
 
 
 def _examine_by(effort: Effort, model: Model, errors: ErrorModel, engine: Engine, tolerance: float) -> Examination:

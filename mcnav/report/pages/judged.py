@@ -279,7 +279,7 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
         Column("found in 9 of 10 from", lambda row: "–" if row.noticed is None else f"{row.noticed:g} x"),
     ]
     caption = (
-        "Each number alone, with what is named changed and all others as in the campaign: its factor by maximum "
+        "Each number alone, with what is named changed and all others as in the campaign. Its factor is by maximum "
         "likelihood, with the interval of the likelihood ratio. Found: share of simulated records in which it is found."
     )
     return Table(caption, columns, judgement.causes, "Numbers of the campaign")

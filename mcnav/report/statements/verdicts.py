@@ -120,7 +120,7 @@ TABLE: Final[Mapping[Subject, Sequence[Row]]] = {
 
 
 def statements(summary: Summary, epochs: Mapping[str, Array] | None = None) -> list[Statement]:
-    """State the verdicts on a run, the worst first; mean errors that exceed one sigma come before all.
+    """State the verdicts on a run, the worst first; mean errors that exceed one sigma follow only what fails.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def _rows(summary: Summary) -> list[tuple[Subject, Row]]:
         for subject in SUBJECTS
         if (row := next((row for row in TABLE[subject] if row.holds(summary)), None)) is not None
     ]
-    return sorted(rows, key=lambda said: (said[0] != "means", WORST.index(tone_on(said[0], summary))))
+    return sorted(rows, key=lambda said: WORST.index(tone_on(said[0], summary)))
 
 
 def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str, Array]) -> Statement:
