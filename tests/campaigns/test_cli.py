@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 
 from mcnav.entries.examples import examples
-from mcnav.execution.streams import HANDLER
+from mcnav.execution.streams import HANDLER, tolerate
 from mcnav.studies import precompile
 from mcnav.systems.reentry.scenario import SOURCES
 from tests.commands import in_process, invoke
@@ -25,6 +25,10 @@ from tests.conftest import ROOT
 from tests.processes import run_to_end
 
 DEMO = ROOT / "campaigns" / "01_tn_d1772_trajectory_4.toml"
+
+
+TOLERANT = "from mcnav.execution.streams import tolerate; tolerate()\n"
+"""What a program does first, whose output may be in an encoding that lacks some characters."""
 
 
 def mcnav(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -73,7 +77,7 @@ def test_run_again_uses_what_is_stored(workplace: Path) -> None:
 
 @pytest.mark.parametrize("command", ["--help", "docs"])
 def test_what_computes_nothing_imports_no_numerical_library(command: str) -> None:
-    program = f"""
+    program = f"""{TOLERANT}
 import sys
 from mcnav import cli
 sys.argv = ["mcnav", {command!r}]
@@ -97,8 +101,6 @@ def test_a_command_uses_one_thread_unless_told_otherwise() -> None:
         assert run_to_end([sys.executable, "-c", program], env=environment | told).stdout.strip() == expected
 
 
-TOLERANT = "from mcnav.execution.streams import tolerate; tolerate()\n"
-"""What a program does first, whose output may be in an encoding that lacks some characters."""
 AIDED = ROOT / "campaigns" / "19_flight_with_gnss.toml"
 SLOW_IMPORTS = {"pandas", "pint", "matplotlib", "dask", "distributed"}
 WITHOUT_SAMPLES = {*SLOW_IMPORTS, "scipy.stats", "filterpy"}
@@ -386,6 +388,7 @@ def test_a_process_prints_what_its_command_does(arguments: list[object], status:
     """Status, output and errors are the same, to the letter, as those of the command in this process."""
     arguments = [f"reports/{DEMO.stem}" if word == "RUN" else word for word in arguments]
     process, here = (program(*arguments, cwd=workplace) for program in (mcnav, invoke))
+    tolerate()
     encoding = os.environ.get("PYTHONIOENCODING") or "utf-8"
     here.stdout, here.stderr = (text.encode(encoding, HANDLER).decode(encoding) for text in (here.stdout, here.stderr))
     assert process.returncode == here.returncode == status

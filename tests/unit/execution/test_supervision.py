@@ -21,6 +21,7 @@ def notes(monkeypatch: pytest.MonkeyPatch) -> Notes:
     return made
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize(
     ("text", "arguments", "named"),
     [
@@ -40,11 +41,13 @@ def test_commands_that_may_execute_code(text: str, arguments: tuple[str, ...], n
     assert names_code([each.replace("FILE", str(tmp_path / "c.toml")) for each in arguments]) is named
 
 
+@pytest.mark.posix
 def test_campaigns_in_utf_16_are_read(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text('type = "mine.py:Mine"', encoding="utf-16")
     assert names_code(["run", str(tmp_path / "c.toml")])
 
 
+@pytest.mark.posix
 def test_examples_with_code_have_a_supervisor() -> None:
     with_code = [path for path in (ROOT / "campaigns").glob("*.toml") if ".py:" in path.read_text()]
     assert with_code
