@@ -264,7 +264,7 @@ def test_statement_and_requirements_follow_the_examination() -> None:
     assert words == (
         "Linear analysis, examined by 45 flights: holds for 1 of 2 outputs. Y (true sigma about 2.53 times) does not. "
         "Sigma to second order: y 52.2 m (linear 20.0). Together it does not: use no gate or fusion with the "
-        "full matrix"
+        "full matrix. Errors rarer than one in 30 would be missed"
     )
 
 
