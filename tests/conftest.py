@@ -82,15 +82,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 class _ExamplesAlone:
-    """Leaves modules without examples out of the search for them, which looks through every object of a module.
+    """Leaves modules without examples and tests out of the search for them, which imports a module and its objects.
 
-    A hook of this file itself would not be asked about files outside this folder.
+    One of them takes the signals of POSIX from the process that imports it. A hook of this file itself would not be
+    asked about files outside this folder.
     """
 
     def pytest_ignore_collect(self, collection_path: Path) -> bool | None:
-        """Ignore such a module of the package; what tests call imports it all the same."""
-        of_package = collection_path.suffix == ".py" and PACKAGE in collection_path.parents
-        return True if of_package and ">>>" not in collection_path.read_text(encoding="utf-8") else None
+        """Ignore such a module; what tests call imports it all the same."""
+        if collection_path.suffix != ".py" or collection_path.name.startswith(("test_", "conftest")):
+            return None
+        return True if ">>>" not in collection_path.read_text(encoding="utf-8") else None
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -71,6 +71,11 @@ class SampleMoments:
         """NEES of each sample of y, shape (n,)."""
         return squared_distances(self.y, self.centre, self.given)
 
+    @cached_property
+    def _departures(self) -> tuple[Array, Array]:
+        """Samples of y and of z about their means, shape (outputs, n) each."""
+        return (self.y - self.mean).T, (self.z - self.linear_mean).T
+
     def _sums(self, values: Array) -> Array:
         single = len(self.begins) == len(values)
         return values if single else np.asarray(np.add.reduceat(values, self.begins))
@@ -88,9 +93,13 @@ class SampleMoments:
         return self._sums(simulated), self._sums(simulated - linear)
 
     def paired_products(self, i: int, others: IndexArray) -> Array:
-        """Add up ``y_i y_j - z_i z_j`` about the means of all samples for several j, shape (b, others)."""
-        y, z = self.y - self.mean, self.z - self.linear_mean
-        return self._sums(y[:, [i]] * y[:, others] - z[:, [i]] * z[:, others])
+        """Add up ``y_i y_j - z_i z_j`` about the means of all samples for several j, shape (others, b)."""
+        y, z = self._departures
+        products = y[others]
+        products *= y[i]
+        products -= z[others] * z[i]
+        single = len(self.begins) == self.samples
+        return products if single else np.asarray(np.add.reduceat(products, self.begins, axis=1))
 
     def combined(self, weights: Array) -> tuple[Array, Array]:
         """Add up ``u^2``, and ``u^2 - v^2``, of the combinations ``u = w y`` and ``v = w z`` about their means."""
@@ -228,7 +237,7 @@ class SummaryMoments:
 
     def paired_products(self, i: int, others: IndexArray) -> Array:
         yy, zz = self.centred
-        return np.asarray(yy[:, i, others] - zz[:, i, others])
+        return np.ascontiguousarray((yy[:, i, others] - zz[:, i, others]).T)
 
     def combined(self, weights: Array) -> tuple[Array, Array]:
         yy, zz = (np.einsum("bij,i,j->b", each, weights, weights) for each in self.centred)

@@ -16,7 +16,7 @@ from mcnav.sampler.designs import SamplingDesign
 from mcnav.statistics.chi_square import Containment, containment, distribution_test, mean_interval
 from mcnav.statistics.chunked import STRETCH, RunningScatter
 from mcnav.statistics.covariance_tests import covariance_likelihood_ratio
-from mcnav.statistics.estimates import Estimate, summed_mean
+from mcnav.statistics.estimates import Estimate, summed_means
 from mcnav.statistics.hotelling import hotelling
 from mcnav.statistics.hypothesis_test import HypothesisTest
 from mcnav.statistics.mardia import Mardia, mardia
@@ -178,14 +178,15 @@ def _correlations(
     dispersed = np.flatnonzero((np.diag(linear) > 0.0) & (np.diag(paired) > 0.0))
     if len(dispersed) < 2:
         return
-    own = np.stack([moments.products(i, i)[1] / paired[i, i] for i in dispersed.tolist()], axis=1)
-    for place, i in enumerate(dispersed.tolist()):
+    own = np.stack([moments.products(i, i)[1] / paired[i, i] for i in dispersed.tolist()])
+    for place, i in enumerate(dispersed[:-1].tolist()):
         others = dispersed[place + 1 :]
         roots = np.sqrt(paired[i, i] * paired[others, others])
-        differences = paired[i, others] / roots
-        influences = moments.paired_products(i, others) / roots
-        influences -= 0.5 * differences * (own[:, place, None] + own[:, place + 1 :])
+        coefficients = paired[i, others] / roots
+        influences = moments.paired_products(i, others) / roots[:, None]
+        influences -= 0.5 * coefficients[:, None] * (own[place] + own[place + 1 :])
         before = linear[i, others] / np.sqrt(linear[i, i] * linear[others, others])
-        for j, difference, influence, correlation in zip(others, differences, influences.T, before, strict=True):
-            estimate = replace(summed_mean(influence, moments.counts, fewest), value=float(difference - correlation))
-            yield CorrelationDifference((int(i), int(j)), float(correlation), float(difference), estimate)
+        estimates = summed_means(influences, moments.counts, fewest)
+        columns = others.tolist(), before.tolist(), coefficients.tolist(), estimates
+        for j, known, simulated, estimate in zip(*columns, strict=True):
+            yield CorrelationDifference((i, j), known, simulated, replace(estimate, value=simulated - known))

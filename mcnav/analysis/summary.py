@@ -542,6 +542,7 @@ class Summary(_Entry):
     higher_order: HigherOrder | None = None
     causes: Causes | None = None
     tails: Sequence[QuantileEntry] = ()
+    pairs_without_cep: int = 0
     sizes: Sequence[SizeEntry] = ()
     requirements: Sequence[RequirementEntry] = ()
     requirements_met: Tally | None = None

@@ -36,7 +36,7 @@ def low_pass_remarks(recording: Recording) -> tuple[str, ...]:
     low, high = (0.5 * half * (begin + end) for begin, end in (BANDS[:2], BANDS[-2:]))
     return tuple(
         f"{name} readings are low-passed: their density falls by a factor of {fall:.2g} from {low:.3g} to "
-        f"{high:.3g} Hz; a filter makes readings late, which judge names as an early sensor"
+        f"{high:.3g} Hz. A filter makes readings late, which judge names as an early sensor"
         for name, fall in falls.items() if fall > FALLS
     )  # fmt: skip
 

@@ -55,7 +55,7 @@ class SecondOrder:
     @property
     def quadratic(self) -> Array:
         """Correction of the covariance by second derivatives, shape (outputs, outputs)."""
-        return np.asarray(0.5 * np.einsum("iab,jba->ij", self.hessians, self.hessians))
+        return np.asarray(0.5 * np.tensordot(self.hessians, self.hessians, ((1, 2), (2, 1))))
 
     @property
     def third_order(self) -> Array:
@@ -79,7 +79,7 @@ class SecondOrder:
     def skewness(self) -> Array:
         """Skewness of each output's quadratic part, shape (outputs,); zero without dispersion."""
         g, h = self.gradients, self.hessians
-        third = 3.0 * np.einsum("ia,iab,ib->i", g, h, g) + np.einsum("iab,ibc,ica->i", h, h, h)
+        third = 3.0 * np.einsum("ia,iab,ib->i", g, h, g) + np.einsum("iab,iba->i", h @ h, h)
         variance = np.sum(g**2, axis=1) + np.diag(self.quadratic)
         return np.asarray(np.divide(third, variance**1.5, out=np.zeros_like(third), where=variance > 0.0))
 
@@ -108,12 +108,14 @@ def second_order(propagate: Propagate, mean: Array, covariance: Array, step: flo
     rank = directions.shape[1]
     unit = step * np.eye(rank)
     pairs = list(combinations(range(rank), 2))
-    points = [np.zeros(rank)]
-    for a in range(rank):
-        points += [unit[a], -unit[a], 2.0 * unit[a], -2.0 * unit[a]]
-    for a, b in pairs:
-        points += [unit[a] + unit[b], unit[a] - unit[b], unit[b] - unit[a], -unit[a] - unit[b]]
-    simulated = simulate_or_raise(propagate, mean + np.array(points) @ directions.T)
+    points = np.zeros((1 + 4 * rank + 4 * len(pairs), rank))
+    points[1 : 1 + 4 * rank] = np.kron(unit, np.array([[1.0], [-1.0], [2.0], [-2.0]]))
+    first, second = np.array(pairs, dtype=int).reshape(-1, 2).T
+    for sign, (one, other) in enumerate(((step, step), (step, -step), (-step, step), (-step, -step))):
+        rows = np.arange(1 + 4 * rank + sign, len(points), 4)
+        points[rows, first], points[rows, second] = one, other
+    simulated = simulate_or_raise(propagate, mean + points @ directions.T)
+    del points
     centre, outputs = simulated[0], simulated.shape[1]
     along = simulated[1 : 1 + 4 * rank].reshape(rank, 4, outputs) - centre
     mixed = simulated[1 + 4 * rank :].reshape(len(pairs), 4, outputs) - centre

@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtri
 
-from mcnav.arrays.types import Array
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.linear.corrections import SobolIndices
-from mcnav.linear.partials import Propagate, SimulationFailed, simulate_or_raise
+from mcnav.linear.partials import AT_ONCE, Propagate, SimulationFailed, simulate_or_raise
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.sampler.sobol_net import scrambled_net
 
@@ -49,10 +49,7 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int, 
         for place, j in enumerate(active):
             a[:, j] = errors.distributions[j].transform(normals[:, place])
             b[:, j] = errors.distributions[j].transform(normals[:, active.size + place])
-        exchanged = np.tile(a, (active.size, 1, 1))
-        exchanged[np.arange(active.size), :, active] = b[:, active].T
-        simulated = simulate_or_raise(propagate, np.concatenate([a, b, exchanged.reshape(-1, a.shape[1])]))
-        sobol_indices.append(_indices(simulated.reshape(active.size + 2, points, -1)))
+        sobol_indices.append(_indices(_exchanged(propagate, a, b, active)))
     stacked: Array = np.array(sobol_indices)  # (replicates, 2, outputs, active)
     mean, error = stacked.mean(axis=0), stacked.std(axis=0, ddof=1) / np.sqrt(REPLICATES)
 
@@ -62,6 +59,24 @@ def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int, 
         return table
 
     return SobolIndices(REPLICATES, points, of_all(mean[0]), of_all(error[0]), of_all(mean[1]), of_all(error[1]))
+
+
+def _exchanged(propagate: Propagate, a: Array, b: Array, active: IndexArray) -> Array:
+    """Simulate both sets, shape (points, sources), and the first with each active source of the second."""
+
+    def with_source(j: int) -> Array:
+        errors = a.copy()
+        errors[:, j] = b[:, j]
+        return errors
+
+    sets, together = [*active.tolist()], max(AT_ONCE // len(a), 2)
+    simulated = simulate_or_raise(propagate, np.concatenate([a, b, *map(with_source, sets[: together - 2])]))
+    outcomes = np.empty((len(sets) + 2, len(a), simulated.shape[1]))
+    outcomes[:together] = simulated.reshape(-1, *outcomes.shape[1:])
+    for begin in range(together, len(outcomes), together):
+        errors = np.concatenate([*map(with_source, sets[begin - 2 : begin - 2 + together])])
+        outcomes[begin : begin + together] = simulate_or_raise(propagate, errors).reshape(-1, *outcomes.shape[1:])
+    return outcomes
 
 
 def _indices(simulated: Array) -> tuple[Array, Array]:
@@ -75,10 +90,13 @@ def _indices(simulated: Array) -> tuple[Array, Array]:
     simulated : ndarray, shape (2 + sources, points, outputs)
         f_A, f_B and each f_j.
     """
-    simulated = simulated - simulated[:2].mean(axis=(0, 1))
-    first, second, exchanged = simulated[0], simulated[1], simulated[2:]
-    variance = simulated[:2].var(axis=(0, 1))
+    mean = simulated[:2].mean(axis=(0, 1))
+    first, second = simulated[:2] - mean
+    variance = (simulated[:2] - mean).var(axis=(0, 1))
+    shares, totals = np.empty((2, len(simulated) - 2, len(variance)))
+    for j, outcomes in enumerate(simulated[2:]):
+        moved = outcomes - mean - first
+        shares[j], totals[j] = (second * moved).mean(axis=0), 0.5 * (moved**2).mean(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):  # an output that is constant has no shares
-        shares = (second * (exchanged - first)).mean(axis=1) / variance
-        totals = 0.5 * ((first - exchanged) ** 2).mean(axis=1) / variance
+        shares, totals = shares / variance, totals / variance
     return np.nan_to_num(shares, posinf=0.0, neginf=0.0).T, np.nan_to_num(totals, posinf=0.0, neginf=0.0).T

@@ -130,11 +130,24 @@ def _estimate(mean: float, deviations: Array, count: float, fewest: float) -> Es
 
 def summed_mean(totals: Array, counts: Array, fewest: float = 2) -> Estimate:
     """Estimate the mean as `blocked_mean`, from the sums and sample counts of blocks, shape (blocks,)."""
-    count = float(np.sum(counts))
+    return summed_means(totals[None], counts, fewest)[0]
+
+
+def summed_means(totals: Array, counts: Array, fewest: float = 2) -> list[Estimate]:
+    """Estimate the means of several quantities, shape (quantities, blocks), as `summed_mean` does for one."""
+    count, number = float(np.sum(counts)), totals.shape[1]
     if count == 0.0:
-        return Estimate(float("nan"), float("inf"), 0.0)
-    mean = float(np.sum(totals)) / count
-    return _estimate(mean, totals - mean * counts, count, fewest)
+        return [Estimate(float("nan"), float("inf"), 0.0)] * len(totals)
+    means = np.sum(totals, axis=1) / count
+    if number < max(2, fewest):
+        return [Estimate(mean, float("inf"), 0.0) for mean in means.tolist()]
+    deviations = totals - means[:, None] * counts
+    squares = np.sum(deviations * deviations, axis=1)
+    errors = np.sqrt(number / (number - 1.0) * squares) / count
+    deviations /= np.where(squares > 0.0, np.sqrt(squares), 1.0)[:, None]
+    skewed = np.sum(deviations * deviations * deviations, axis=1)
+    columns = zip(means.tolist(), errors.tolist(), skewed.tolist(), strict=True)
+    return [Estimate(mean, error, number - 1.0, asymmetry) for mean, error, asymmetry in columns]
 
 
 def paired_squares(simulated: Array, linear: Array) -> Array:

@@ -286,8 +286,8 @@ def _first_screen(runs: Sequence[_Run]) -> list[Part]:
     counts = {tone: sum(run.tone == tone for run in runs) for tone in WORST}
     unread = sum(not run.tone for run in runs)
     said = [
-        (counts["differs"], "no"), (counts["partly"], "partly"), (counts["undecided"], "undecided"),
-        (counts["agrees"], "yes"), (unread, "unreadable"),
+        (counts["differs"], "fail"), (counts["partly"], "hold partly"), (counts["undecided"], "undecided"),
+        (counts["agrees"], "hold"), (unread, "unreadable"),
     ]  # fmt: skip
     words = ", ".join(f"{count} {word}" for count, word in said if count)
     headline = f"{len(runs)} {'run' if len(runs) == 1 else 'runs'}: {words}."

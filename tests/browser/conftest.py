@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -41,6 +42,9 @@ from mcnav.workflow.replay import replay, write_replay
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.trajectory import describe
 from tests.calibration import page as calibration_page
+from tests.campaigns.test_brief import HOVER
+from tests.campaigns.test_live import FILTERED
+from tests.commands import in_process
 from tests.conftest import ROOT, campaign
 from tests.processes import LONG
 from tests.reproduction import Reproduction
@@ -229,7 +233,7 @@ def page_of(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReq
         if kind == REPRODUCED:
             reproduction: Reproduction = request.getfixturevalue("reproduction")
             return reproduction.folder
-        return KINDS[kind](tmp_path_factory.mktemp("pages"), made)
+        return (KINDS | FURTHER)[kind](tmp_path_factory.mktemp("pages"), made)
 
     return made
 
@@ -388,6 +392,70 @@ def _contours(folder: Path, _: Callable[[str], Path]) -> Path:
 def _index(_: Path, made: Callable[[str], Path]) -> Path:
     return index.write_index(made("report").parent.parent)[0]
 
+
+def _commanded(folder: Path, page: str, *words: object) -> Path:
+    """Return the page that a command writes into a folder."""
+    done = in_process(*words, "--out", folder / "page")
+    assert done.exit_code == 0, done.output
+    return folder / "page" / page
+
+
+def _loop(folder: Path, _: Callable[[str], Path]) -> Path:
+    return _commanded(folder, "report.html", "run", ROOT / "campaigns" / "24_rendezvous.toml", "--samples", 200)
+
+
+def _faulty(folder: Path, _: Callable[[str], Path]) -> Path:
+    """A filter that fails, and mean errors above one sigma."""
+    campaign = ROOT / "campaigns" / "31_flight_with_a_faulty_receiver.toml"
+    return _commanded(folder, "report.html", "run", campaign, "--samples", 100)
+
+
+def _brief(folder: Path, _: Callable[[str], Path]) -> Path:
+    (folder / "hover.toml").write_text(HOVER, encoding="utf-8")
+    run_campaign(read_campaign(folder / "hover.toml"), folder / "run", None, 1)
+    return _commanded(folder, "brief.html", "brief", folder / "run")
+
+
+OF_SECONDS: Final = FILTERED.replace('"10 s"', '"2 s"')
+
+
+def _filtered(folder: Path) -> Path:
+    """Write a campaign of 100 s."""
+    shutil.copy(ROOT / "campaigns" / "flight.csv", folder)
+    (folder / "filtered.toml").write_text(OF_SECONDS, encoding="utf-8")
+    return folder / "filtered.toml"
+
+
+def _filters(folder: Path, _: Callable[[str], Path]) -> Path:
+    kinds = ("--kind", "ekf", "--kind", "iterated", "--samples", 4)
+    return _commanded(folder, "filters.html", "filters", _filtered(folder), *kinds)
+
+
+def _judged(folder: Path, _: Callable[[str], Path]) -> Path:
+    """A sample of the campaign, whose times a wrong GNSS sigma is at odds with."""
+    campaign, record = _filtered(folder), folder / "record"
+    assert in_process("judge", campaign, "--record", "--rate", 20, "--out", record).exit_code == 0
+    campaign.write_text(OF_SECONDS.replace('"3 m"', '"1 m"'), encoding="utf-8")
+    files = ("--imu", record / "imu.csv", "--reference", record / "reference.csv", "--start", record / "start.csv")
+    measured = ("--measurements", f"gnss={record / 'gnss.csv'}")
+    return _commanded(folder, "judge.html", "judge", campaign, *files, *measured, "--records", 200)
+
+
+def _identified(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Readings that drift, so that the model does not fit."""
+    white = np.random.default_rng(1).standard_normal((6, 2_000))
+    names = [f"{name}_{axis}" for name in ("gyro", "accelerometer") for axis in "xyz"]
+    drift = {"gyro_x": np.linspace(0.0, 20.0, 2_000), "accelerometer_z": np.full(2_000, -1e6)}
+    table = {name: values + drift.get(name, 0.0) for name, values in zip(names, white, strict=True)}
+    pd.DataFrame({"time": 0.1 * np.arange(2_000)} | table).to_csv(folder / "static.csv", index=False)
+    units = ("--unit", "gyro=deg/h", "--unit", "accelerometer=ug")
+    return _commanded(folder, "identify.html", "identify", folder / "static.csv", *units)
+
+
+FURTHER: Final[dict[str, Callable[[Path, Callable[[str], Path]], Path]]] = {
+    "loop": _loop, "faulty": _faulty, "brief": _brief, "filters": _filters, "judge": _judged, "identify": _identified,
+}  # fmt: skip
+"""Kinds whose first screen and sentences are tested, and nothing else."""
 
 KINDS: dict[str, Callable[[Path, Callable[[str], Path]], Path]] = {
     "report": _report, "many": _many, "aided": _aided, "replay": _replay, "comparison": _comparison, "index": _index,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -41,12 +42,12 @@ def _bottom(page: Any, selector: str) -> float:
 
 STUDIES = (
     "lincov", "bent", "sweep", "contours", "allocate", "comparison", "start times", "ins start times", "linearity",
-    "index",
+    "index", "brief", "filters", "judge", "identify",
 )  # fmt: skip
 """Pages of studies, whose answer may be so short that folds stand on the first screen as well."""
 
 
-@pytest.mark.parametrize("kind", ["report", "many", "aided", *STUDIES])
+@pytest.mark.parametrize("kind", ["report", "many", "aided", "loop", "faulty", *STUDIES])
 def test_one_screen_is_the_answer(browser: Browser, page_of: Callable[[str], Path], kind: str) -> None:
     """Verdict, figure and requirements are whole; folds are closed and each says what is inside; a hand has it all."""
     with browser.opened(page_of(kind), 1280, HEIGHT, folded=True) as page:
@@ -54,6 +55,8 @@ def test_one_screen_is_the_answer(browser: Browser, page_of: Callable[[str], Pat
         assert words <= WORDS
         assert numbers <= NUMBERS
         assert _bottom(page, ".first-screen > *, .first-screen figure, .first-screen .asked") <= HEIGHT
+        if kind == "brief":
+            return  # a slide, and below it the sheet that it rests on
         assert page.locator(".first-screen .headline").count() == 1
         assert page.locator(".first-screen figure, .first-screen .strip").count() >= 1
         folds = page.locator("details.fold")
@@ -72,7 +75,17 @@ def test_the_first_screen_states_a_corrected_sigma_beside_the_linear_one(
     with browser.opened(page_of("bent"), 1280, HEIGHT, folded=True) as page:
         shown = page.locator(".first-screen").inner_text()
         assert "Sigma to second order: y 52.2 m (linear 20.0)." in shown
-        assert "Together it does not" in shown
+        assert "Do not gate or fuse with the full matrix, which is wrong." in shown
+
+
+def test_a_filter_that_fails_is_said_before_mean_errors(browser: Browser, page_of: Callable[[str], Path]) -> None:
+    """Its true size is the root mean square about zero: true over filter sigma is the factor, to two digits each."""
+    with browser.opened(page_of("faulty"), 1280, HEIGHT, folded=True) as page:
+        assert page.locator(".first-screen .headline").inner_text().startswith("Do not trust this filter's covariance")
+        shown = page.locator(".first-screen").inner_text()
+        assert "The mean error of heading is" in shown
+        true, own, factor = map(float, re.search(r"true (\S+) m, filter (\S+): (\S+) times", shown).groups())  # type: ignore[union-attr]
+        assert true / own == pytest.approx(factor, rel=0.1)
 
 
 def test_a_link_opens_the_fold_of_its_target(browser: Browser, page_of: Callable[[str], Path]) -> None:

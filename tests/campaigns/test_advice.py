@@ -113,7 +113,7 @@ def test_the_command_says_what_it_rests_on(place: Path) -> None:
     assert "By linear analysis alone, numbers may be as large as this" in done.stdout
     assert json.loads((place / "linear" / "allocate.json").read_text("utf-8"))["simulated"] is None
     done = invoke("allocate", "bent6.toml", "--confirm", 1, "--jobs", 1, "--out", "scaled", cwd=place)
-    assert "By 2,000 samples the requirement is met" in done.stdout
+    assert "The requirement is met by 2,000 samples" in done.stdout
     content = json.loads((place / "scaled" / "allocate.json").read_text("utf-8"))
     assert content["simulated"]["scales"][0] > 1.2
     assert sum(change["confirmed"] for change in content["changes"]) == 1

@@ -287,7 +287,7 @@ def test_the_command(tmp_path: Path) -> None:
     path = CAMPAIGNS / "23_lunar_return_updated_once.toml"
     finished = invoke("allocate", path, "--out", tmp_path / "out", cwd=tmp_path)
     assert finished.returncode == 0
-    assert "By 1,600 samples the requirement is met" in finished.stdout
+    assert "The requirement is met by 1,600 samples" in finished.stdout
     assert "may be" in finished.stdout
     assert (tmp_path / "out" / "allocate.html").exists()
     refused = invoke("allocate", CAMPAIGNS / "14_polar.toml", cwd=tmp_path)

@@ -26,9 +26,11 @@ from mcnav.sampler.distributions import Normal, Uniform
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.studies import examine
 from mcnav.studies.lincov import write_lincov
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
+from mcnav.systems.guard import call_user
 from mcnav.systems.ins.aided import AidedNavigation
 from mcnav.systems.ins.ensemble.aided import AidedTables
+from mcnav.systems.sample_loop import simulate_each
 from mcnav.systems.user import kept
 from tests.commands import invoke
 from tests.scaled_errors import scaled_errors
@@ -262,9 +264,9 @@ def test_statement_and_requirements_follow_the_examination() -> None:
     words, tone = statements(answer)[0]
     assert tone == "differs"
     assert words == (
-        "Linear analysis, examined by 45 flights: holds for 1 of 2 outputs. Y (true sigma about 2.53 times) does not. "
-        "Sigma to second order: y 52.2 m (linear 20.0). Together it does not: use no gate or fusion with the "
-        "full matrix. Errors rarer than one in 30 would be missed"
+        "Linear analysis, examined by 45 flights: holds for 1 of 2 outputs. It fails for y "
+        "(2.53 times the linear sigma). Sigma to second order: y 52.2 m (linear 20.0). "
+        "Do not gate or fuse with the full matrix, which is wrong. Errors rarer than one in 30 would be missed"
     )
 
 
@@ -301,6 +303,8 @@ def test_nothing_is_compiled_for_it_unless_it_is_asked_for() -> None:
     before = COMPILATION.functions
     with COMPILATION.refusing(), pytest.raises(NotCompiled):
         function(2.0)
+    with COMPILATION.refusing(), pytest.raises(NotCompiled):  # no failure of a sample
+        simulate_each(lambda row: np.full(1, call_user(function, float(row))), range(2), np.empty((2, 1)))
     assert (COMPILATION.begun, COMPILATION.functions) == (0, before)
     assert function(2.0) == 2.0 + number
 

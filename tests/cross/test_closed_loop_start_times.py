@@ -179,4 +179,4 @@ def test_the_study_finds_the_last_start_before_guidance_is_needed(tmp_path: Any)
         "true_position", "true_velocity",
     ]  # fmt: skip
     assert study.study.sigma[-1][weighted].min() > 10.0 * study.study.sigma[0][weighted].max()
-    assert "the weighted true dispersion is smallest" in (tmp_path / "start_times.html").read_text()
+    assert "the smallest weighted true dispersion" in (tmp_path / "start_times.html").read_text()

@@ -22,7 +22,7 @@ from mcnav.systems.ins.ensemble.free import simulate_given, tabulate
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
 from mcnav.systems.ins.imu.linear_noise import respond_from_rest
-from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.reference.mechanization import Mechanization, longest_step
 from mcnav.systems.ins.scenario import Ins, Navigation
 from mcnav.systems.ins.truth.trajectory import Platform
@@ -137,7 +137,7 @@ def test_engines_agree_on_the_same_noise(imu: Imu) -> None:
     times = np.linspace(where.start, where.end, 241)
     fine = Mechanization(where.truth, where.platform, where.start, where.end, np.array([where.end]), longest_step(imu))
     tables = tabulate(
-        where.truth, where.platform, respond(where.truth, where.platform, times, imu), imu, np.array([240])
+        where.truth, where.platform, Responses(where.truth, where.platform, times, imu), imu, np.array([240])
     )
     errors = draws(6)
     added, reference = [], []

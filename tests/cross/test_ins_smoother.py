@@ -10,10 +10,11 @@ from scipy import stats
 
 from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
+from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.linear.aided_errors import propagate_closed_loop, smooth_closed_loop
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
-from mcnav.systems.ins.linear.covariance import output_map, transitions
+from mcnav.systems.ins.linear.covariance import output_map
 from mcnav.systems.ins.scenario import Ins, Navigation
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
@@ -47,11 +48,11 @@ def aided(noise: float = 3.0, believed: float = 3.0) -> Ins:
 def whole(loop: ClosedLoop) -> tuple[list[Array], list[Array]]:
     """Return F and Q of the filter over the steps."""
     tables, over = loop.filter, []
-    for k, transition in enumerate(transitions(loop.responses)):
+    for k, transition in enumerate(tables.transitions):
         f = np.diag(np.concatenate([np.ones(9), tables.decay[k]]))
-        f[:9] = np.concatenate([transition, tables.coupling[k]], axis=1)
+        f[:9] = transition
         over.append(f)
-    return over, list(tables.noise)
+    return over, list(noise_matrices(tables.noise))
 
 
 def rauch_tung_striebel(loop: ClosedLoop, last: int) -> list[Array]:

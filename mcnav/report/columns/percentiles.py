@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 from mcnav.analysis.summary import QuantileEntry, Summary
 from mcnav.report.columns.result_table import ResultColumn, ResultTable, Units, in_units
-from mcnav.report.document.table import Cell, Column, Table
+from mcnav.report.document.table import Cell, Column
 from mcnav.report.format import number
 from mcnav.report.names import humanize
 
 TITLE: Final = "Quantiles of the errors' absolute values; of two outputs the CEP"
-
-MOST_QUANTILES: Final = 300
-"""Quantiles that a page shows at most."""
 
 
 @dataclass(frozen=True)
@@ -86,26 +83,16 @@ def percentiles_table(
         f"independent samples. Agrees: the whole interval is within ±{tolerance} of the linear value; differs: it is "
         "outside."
     )
+    if summary.pairs_without_cep:
+        caption += (
+            f" {summary.pairs_without_cep:,} pairs of outputs in one unit are too many for a CEP of each: "
+            "[[accept.cep]] asks for one."
+        )
     return ResultTable.of_entries("percentiles", TITLE, 3, COLUMNS, rows, caption)
 
 
-def with_most_different(table: Table[QuantileRow]) -> Table[QuantileRow]:
-    """Keep the quantiles with the verdict ``differs``, and those farthest from linear analysis, in their order.
-
-    A table of at most `MOST_QUANTILES` is returned as it is; of a longer one the caption says what is left out.
-    """
-    rows = table.rows
-    if len(rows) <= MOST_QUANTILES:
-        return table
-    foremost = sorted(range(len(rows)), key=lambda place: _prominence(rows[place].entry), reverse=True)
-    caption = (
-        f"{table.caption} Of {len(rows):,} quantiles the page shows {MOST_QUANTILES}: first those that differ, then "
-        "those farthest from linear analysis. summary.json has all."
-    )
-    return replace(table, caption=caption, rows=[rows[place] for place in sorted(foremost[:MOST_QUANTILES])])
-
-
-def _prominence(entry: QuantileEntry) -> tuple[bool, float]:
+def prominence(row: QuantileRow) -> tuple[bool, float]:
     """Return whether a quantile differs, and its departure from the linear one, as a share of that."""
+    entry = row.entry
     departure = abs(entry.estimate / entry.linear - 1.0) if entry.estimate is not None and entry.linear else 0.0
     return entry.verdict == "differs", departure

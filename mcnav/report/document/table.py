@@ -7,9 +7,9 @@ shown; only `markupsafe.Markup` is markup, which a terminal shows without its ta
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar
 
 from markupsafe import Markup
 
@@ -29,6 +29,19 @@ CODE: Final = Markup("<code>{}</code>").format
 UNIT: Final = Markup('<span class="unit">{}</span>').format
 WRAPPED: Final = Markup('<span class="words">{}</span>').format
 """Inline markup; what it encloses is escaped."""
+
+
+MOST_ROWS, MOST_CELLS, FEWEST_ROWS = 300, 10_000, 20
+"""Rows and cells of a table that a page shows at most, and rows that it shows however many columns it has."""
+
+
+def row_limit(columns: int) -> int:
+    """Return the rows that a page shows at most of a table with so many columns.
+
+    >>> row_limit(8), row_limit(200), row_limit(2_000)
+    (300, 50, 20)
+    """
+    return max(FEWEST_ROWS, min(MOST_ROWS, MOST_CELLS // columns))
 
 
 def five_digits(value: float | None) -> str:
@@ -220,6 +233,15 @@ class Table(Generic[Row]):
         """Return the cells that are shown in a place, row by row."""
         columns = self.columns_in(place)
         return [[column.cell(row) for column in columns] for row in self.rows]
+
+    def foremost(self, prominence: Callable[[Row], Any], rows: str, which: str) -> Table[Row]:
+        """Return it with the most prominent rows that a page has room for, in their order, which its caption says."""
+        most = row_limit(len(self.columns))
+        if len(self.rows) <= most:
+            return self
+        ranked = sorted(range(len(self.rows)), key=lambda place: prominence(self.rows[place]), reverse=True)
+        caption = f"{self.caption} Of {len(self.rows):,} {rows} the page shows {most}: {which}. summary.json has all."
+        return replace(self, caption=caption, rows=[self.rows[place] for place in sorted(ranked[:most])])
 
     @property
     def measured(self) -> bool:

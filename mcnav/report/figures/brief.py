@@ -65,16 +65,15 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
     while allowed < 100.0 and enough < len(shares) and ends[enough] > allowed:
         enough += 1
     by = f"By simulation (at most {row.shown(value)})," if np.isfinite(measured) else "By linear analysis,"
-    words = f"{by} the limit allows {allowed:.3g} % of the present mean square to errors in the same proportions"
+    words = f"{by} the limit allows {allowed:.3g} % of the present mean square, in the same proportions"
     if enough:
         names = [name for name, _ in shares[:enough]]
         last = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-        words += f"; {last} make up {100.0 - ends[enough]:.3g} %"
+        words += f". {last[:1].upper()}{last[1:]} make up {100.0 - ends[enough]:.3g} %"
     return Figure(
         name="waterfall",
         title="From the requirement to its causes",
-        description="What each cause adds to the mean square of the errors that the requirement limits, the largest "
-        "first, and the share of it that the limit allows.",
+        description="What each cause adds to the mean square that the requirement limits, and what the limit allows.",
         panels=[Panel("", across, Axis(names=rows), marks)],
         key=(),
         columns={"cause": [name for name, _ in shares], "share, %": [100.0 * share for _, share in shares]},

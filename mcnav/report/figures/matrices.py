@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.comparison import Comparison, correlations
 from mcnav.analysis.verdict import NUMERICAL
-from mcnav.arrays.types import Array
+from mcnav.arrays.types import Array, IndexArray
 from mcnav.report.drawing.figure import HALF, THIRD, Figure
 from mcnav.report.drawing.marks import Axis, Cells, Panel, Series
 from mcnav.report.drawing.palette import FLOWN, LINEAR
@@ -27,6 +27,9 @@ FEW: Final = 5
 
 NUMBERED: Final = 15
 """Most outputs whose squares have room for numbers; those of more are lower."""
+
+MOST: Final = 50
+"""Outputs that are drawn at most: those whose correlations differ most from the linear ones."""
 
 NIL: Final = 5e-4
 """Covariances below this share of their sigmas' product are shown as zero; the table has their values."""
@@ -45,27 +48,37 @@ def matrices(content: RunAnalysis) -> Figure:
     """
     levels = (content.comparison.confidence_each, content.criterion.confidence)
     each, together = (f"{100.0 * level:.4g} %" for level in levels)
-    names, few = content.output_names, len(content.output_names) <= FEW
+    drawn = _drawn(content.comparison)
+    count, few = len(drawn), len(drawn) <= FEW
+    left_out = f" Of {len(content.output_names)} outputs it has the {count} whose correlations differ most."
     return Figure(
         name="matrices",
         title=f"Covariances and correlations of the {content.ends.many}",
         description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
         "difference, as numbers on coloured squares.",
-        panels=_panels(content),
+        panels=_panels(content, drawn),
         key=(POSITIVE, NEGATIVE),
         columns=_columns(content),
-        size=THIRD if few else (HALF[0], 60.0 + (36.0 if len(names) <= NUMBERED else 16.0) * len(names)),
+        size=THIRD if few else (HALF[0], 60.0 + (36.0 if count <= NUMBERED else 16.0) * count),
         caption=("Colours of covariances are in units of the linear sigmas. " if few else "")
-        + ("Columns are in the order of the rows. " if len(names) > NUMBERED else "")
+        + ("Columns are in the order of the rows. " if count > NUMBERED else "")
         + "Differences are scaled to their largest entry and coloured only if their interval excludes zero (sigmas at "
         f"{each} each, correlations jointly at {together}). "
-        + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances."),
+        + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances.")
+        + (left_out if count < len(content.output_names) else ""),
     )
 
 
-def _panels(content: RunAnalysis) -> list[Panel]:
+def _drawn(comparison: Comparison) -> IndexArray:
+    """Return the outputs that are drawn, in their order."""
+    paired, linear = (correlations(each) for each in (comparison.covariance_paired, comparison.covariance_linear))
+    farthest = np.abs(np.nan_to_num(paired - linear)).max(axis=1)
+    return np.sort(np.argsort(-farthest, kind="stable")[:MOST])
+
+
+def _panels(content: RunAnalysis, drawn: IndexArray) -> list[Panel]:
     """Return the matrices as coloured squares."""
-    comparison, names = content.comparison, content.output_names
+    comparison, names = content.comparison, [content.output_names[i] for i in drawn]
     few, square = len(names) <= FEW, np.outer(content.output_scale, content.output_scale)
     linear, flown = comparison.covariance_linear, comparison.covariance_paired
     sigma = np.sqrt(np.diag(linear))
@@ -77,9 +90,10 @@ def _panels(content: RunAnalysis) -> list[Panel]:
     certain = certain_differences(comparison, content.criterion.confidence)
 
     def panel(title: str, colours: Array, values: Array, shown: Callable[[float], str]) -> Panel:
-        texts = [[shown(value) for value in row] for row in values]
+        some = np.ix_(drawn, drawn)
+        texts = [[shown(value) for value in row] for row in values[some]]
         axis = Axis(names=names)
-        return Panel(title, axis, axis, [Cells(POSITIVE, NEGATIVE, colours, texts, DEEPEST)])
+        return Panel(title, axis, axis, [Cells(POSITIVE, NEGATIVE, colours[some], texts, DEEPEST)])
 
     def coefficient(value: float) -> str:
         return "0" if abs(value) < NIL else fixed(value, 3 if few else 2)

@@ -46,9 +46,9 @@ ALONE: Final = (
 )
 
 SCALED: Final = (
-    "{samples:,} samples of the campaign as it is were simulated. Their one-sided {confidence:g} % bound over the "
-    "linear value multiplies linear values. Factors: {scales}. The smallest changes were simulated as "
-    "well: “simulated then” is their bound."
+    "Linear values are multiplied by the one-sided {confidence:g} % bound of {samples:,} samples of the campaign as it "
+    "is over its linear value. Factors: {scales}. The smallest changes were simulated as well: “simulated then” is "
+    "their bound."
 )
 
 FINDINGS: Final = ("met", "undecided", "not met")
@@ -165,10 +165,30 @@ def _simulated_headline(basis: Basis) -> tuple[str, str]:
     worst = max(counts, key=lambda count: FINDINGS.index(count[1]))[1]
     needed = max((entry.samples_needed or 0 for entry in basis.entries if entry.finding == "undecided"), default=0)
     decided = f" (about {needed:,} samples would decide)" if needed else ""
+    by = f"by {basis.samples:,} samples{decided}"
     if len(findings) == 1:
-        return f"By {basis.samples:,} samples the requirement is {worst}{decided}", TONES[worst]
+        return f"The requirement is {worst} {by}", TONES[worst]
+    if len(counts) == 1:
+        both = "Both" if len(findings) == 2 else f"All {len(findings)}"
+        return f"{both} requirements are {worst} {by}", TONES[worst]
     counted = ", ".join(f"{count} {finding}" for count, finding in counts)
-    return f"By {basis.samples:,} samples, of {len(findings)} requirements: {counted}{decided}", TONES[worst]
+    return f"Of {len(findings)} requirements {counted} {by}", TONES[worst]
+
+
+def freedom_words(allocation: Allocation) -> list[str]:
+    """Say by how much all numbers may grow together, or the one number whose change is the smallest; else nothing."""
+    goal = allocation.goals[-1]
+    reached = [change for change in shown_changes(allocation, goal)[0] if change.reached]
+    finite = [change for change in reached if math.isfinite(change.factor) and change.factor > 0.0]
+    if not finite:
+        return []
+    if goal.met:
+        least = max(finite, key=lambda change: len(change.paths))
+        words = f"{least.label[:1].upper()}{least.label[1:]} together" if len(least.paths) > 1 else least.label
+        return [f"{words} may be {number(least.factor, 3)} times as large."]
+    least = min(finite, key=lambda change: abs(math.log(change.factor)))
+    them = "it" if len(goal.requirements) == 1 else "them"
+    return [f"Smallest change that meets {them}: {least.label} × {number(least.factor, 3)}."]
 
 
 def value_words(allocation: Allocation, result: LinearRequirement) -> tuple[str, str]:
@@ -466,8 +486,9 @@ def page(allocation: Allocation) -> Page:
     explained = [
         *remarks_in(allocation.answer.remarks),
         *examined_words(allocation),
-        EXPLANATION,
+        *freedom_words(allocation),
         basis_words(allocation),
+        EXPLANATION,
     ]
     return answered(Page(
         f"{name}: allocation", "Allocation of errors", name,

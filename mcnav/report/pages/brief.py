@@ -165,7 +165,7 @@ def _sources(content: RunAnalysis, worst: RequirementRow | None, links: Links) -
         entries.append(Markup(words).format(CODE(f"mcnav replay {run} {farthest}")))
     if worst is not None and worst.way:
         entries.append(f"{worst.way.replace('RUN', run)}.".capitalize())
-    return Section("sources", "Where this comes from", [*map(Sentence, entries)])
+    return Section("sources", "Sources", [*map(Sentence, entries)])
 
 
 def _farthest(content: RunAnalysis) -> int | None:

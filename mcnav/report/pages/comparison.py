@@ -19,11 +19,10 @@ from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table, counted, five_digits
 from mcnav.report.drawing.figure import HALF, Figure
-from mcnav.report.drawing.marks import Axis, Mark, Panel, Rule, Series
-from mcnav.report.drawing.palette import LINEAR, SOURCE_COLOURS
+from mcnav.report.drawing.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
+from mcnav.report.drawing.palette import FLOWN, INK
 from mcnav.report.figures import comparisons
-from mcnav.report.figures.agreement import forest
-from mcnav.report.format import interval, number, with_error
+from mcnav.report.format import interval, number, rounded, with_error
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.pages.screen import RESULTS, answered
 from mcnav.report.statements import details, verdicts
@@ -38,7 +37,7 @@ ABSENT: Final = "–"
 NAN: Final = float("nan")
 NOTHING: Final = Change(NAN, NAN, NAN, (NAN, NAN), Estimate(NAN, NAN, 0.0), False)
 MARKS: Final = ("dot", "square", "triangle", "ring", "box")
-"""Marker shapes of runs, besides their colours."""
+"""Marker shapes of runs; their colour is that of Monte Carlo."""
 
 CHANGED: Final = {"larger": "undecided", "smaller": "undecided", "no change seen": "agrees"}
 """Tones of findings; others have none."""
@@ -49,6 +48,9 @@ SAME: Final = "the same campaign, engine and versions"
 COMMON: Final = (
     "Common random numbers: sample k of both runs uses the same ones, so that sampling noise cancels in the difference."
 )
+
+FIRST: Final = 16
+"""Lines of outputs and runs that the figure of the first screen has room for."""
 
 MOST_INPUTS: Final = 1_000
 """Inputs that differ that are listed: a stranger's manifest may have a million."""
@@ -177,25 +179,29 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
         return None
     later = sorted({row.run for row, _ in known})
     series = {
-        run: Series(f"run-{run}", titles[run], SOURCE_COLOURS[k % len(SOURCE_COLOURS)], MARKS[k % len(MARKS)])
+        run: Series(f"run-{run}", f"{titles[run]}, Monte Carlo", FLOWN, MARKS[k % len(MARKS)])
         for k, run in enumerate(later)
     }
     names = list(dict.fromkeys(row.output for row, _ in known))
 
-    marks: list[Mark] = [Rule(0.0, colour=LINEAR, width=1.6)]
+    marks: list[Mark] = [Rule(1.0, colour=INK)]
     for row, change in known:
         step = later.index(row.run) - 0.5 * (len(later) - 1)
         place = names.index(row.output) + 0.7 * step / max(len(later), 2)
-        marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
+        low, high = change.interval
+        text = f"{humanize(row.output)}, {titles[row.run]}: {rounded(change.ratio)} ({rounded(low)} to {rounded(high)})"
+        marks += [
+            Interval(series[row.run], place, low, high, text),
+            Points(series[row.run], [change.ratio], [place], 7.5, texts=[text]),
+        ]
     shown = {row.output: f"{humanize(row.output)}{' (rms)' if row.known.about_zero else ''}" for row, _ in known}
     rows_axis = Axis(names=[shown[name] for name in names])
     measure = "σ" if not any(row.known.about_zero for row, _ in known) else "σ or rms"
     return Figure(
         name="changes",
         title="Sigma of each output relative to the first run",
-        description="Difference of the Monte Carlo sigma of each output and run from that of the first run, with its "
-        "interval.",
-        panels=[Panel("", Axis(f"difference of {measure} from the first run", "%"), rows_axis, marks)],
+        description="Monte Carlo sigma of each output and run over that of the first run, with its interval.",
+        panels=[Panel("", Axis(f"{measure} / {measure} of the first run", log=True), rows_axis, marks)],
         key=tuple(series.values()),
         columns=dict(outputs([row for row, _ in known], titles).reset_index().items()),
         size=(HALF[0], 82.0 + 24.0 * len(names) * (1 + len(later))),
@@ -223,8 +229,20 @@ def page(
     budgets = [*_waterfalls(titles, summaries), *_budgets(titles, manifests, summaries)]
     sections.append(Section("budget", "Error budget", budgets))
     heading = ", ".join(titles)
-    verdict = _changed(titles, rows)
-    return answered(Page(heading, "Comparison of runs", heading, [verdict], sections=sections), rest=RESULTS)
+    verdict, most = _changed(titles, rows), ratios(_changed_most(rows), titles)
+    return answered(Page(heading, "Comparison of runs", heading, [verdict], sections=sections), most, RESULTS)
+
+
+def _changed_most(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows of the outputs that change the most, in the order of all, as many as the first screen shows."""
+    sizes: dict[str, float] = {}
+    for row in rows:
+        ratio = row.known.ratio
+        size = abs(math.log(ratio)) if ratio > 0.0 and math.isfinite(ratio) else 0.0
+        sizes[row.output] = max(size, sizes.get(row.output, 0.0))
+    most = max(1, FIRST // (1 + max((row.run for row in rows), default=0)))
+    shown = sorted(sizes, key=lambda name: -sizes[name])[:most]
+    return [row for row in rows if row.output in shown]
 
 
 def _changed(titles: Sequence[str], rows: Sequence[Row]) -> Verdict:
@@ -235,10 +253,11 @@ def _changed(titles: Sequence[str], rows: Sequence[Row]) -> Verdict:
     most = max(known, key=lambda row: abs(math.log(row.known.ratio)))
     counts = [(word, sum(row.words == word for row in known)) for word in ("larger", "smaller")]
     said = " and ".join(f"{count} {word}" for word, count in counts if count)
-    size = f"{number(most.known.ratio, 3)} times"
+    all_alike = len(rows) > 1 and len(rows) in (count for _, count in counts)
+    subject = f"All {len(rows)} sigmas are {known[0].words}" if all_alike else f"Of {len(rows)} sigmas {said}"
     return Verdict(
-        f"Of {len(rows)} sigmas {said} than in {titles[0]}.", "undecided",
-        [f"Most: {most.title} in {titles[most.run]}, {size}."],
+        f"{subject} than in {titles[0]}.", "undecided",
+        [f"Largest change: {most.title} in {titles[most.run]}, {rounded(most.known.ratio)} times."],
     )  # fmt: skip
 
 
@@ -248,6 +267,7 @@ def terminal(
     """List what the terminal shows: the inputs that differ, and the change of each output."""
     changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
     return [
+        *([_changed(titles, rows)] if rows else []),
         changed if changed.rows else Sentence(f"The runs have {SAME}."),
         change_table(titles, rows, confidence, words),
     ]

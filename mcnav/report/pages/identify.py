@@ -10,7 +10,19 @@ import numpy as np
 from mcnav.identification.choice import BESIDE, CLOSE, PENALTY, TIMED
 from mcnav.identification.goodness import SINGLE, Finding, Goodness
 from mcnav.physics.units import conversion
-from mcnav.report.document.parts import Heading, Lines, Listing, Note, Page, Part, Section, Sentence, Verdict
+from mcnav.report.document.parts import (
+    Facts,
+    Heading,
+    Lines,
+    Listing,
+    Note,
+    Page,
+    Part,
+    Section,
+    Sentence,
+    Verdict,
+    joined,
+)
 from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.figures import identify as drawn
 from mcnav.report.format import number, probability
@@ -109,7 +121,14 @@ def page(report: IdentificationReport) -> Page:
     sections.append(Section("imu", "To paste into a campaign", [Lines(report.imu, "Table [imu]")]))
     names = ", ".join(log.name.rpartition("/")[2] for log in report.logs)
     return answered(
-        Page(f"{names}: noise", "Identification from logs at rest", names, _head(report), sections), rest=RESULTS
+        Page(
+            f"{names}: noise",
+            "Identification from logs at rest",
+            names,
+            [*_head(report), *joined(_grades_in_brief(report))],
+            sections,
+        ),
+        rest=RESULTS,
     )
 
 
@@ -177,14 +196,31 @@ def _axes_words(names: Sequence[str]) -> str:
 def _head(report: IdentificationReport) -> list[Part]:
     """Say whether the models fit, and of what logs."""
     rejected = [axis.name for axis in report.axes if any(test.rejected for test in axis.goodness)]
-    logs = [f"{log.name}: {_length(log)}." for log in report.logs]
+    names = _names(report)
+    logs = [f"{names[log.name]}: {_length(log)}." for log in report.logs]
     if rejected:
-        return [Verdict(f"The model does not fit the readings of {', '.join(rejected)}.", "differs", logs)]
+        said = ["Treat the values of these axes as rough.", *logs]
+        return [Verdict(f"The model does not fit the readings of {_axes_words(rejected)}.", "differs", said)]
     return [Verdict("The models fit the readings of all axes.", "agrees", logs)]
 
 
+def _grades_in_brief(report: IdentificationReport) -> Facts | None:
+    """Name the values that have a grade of the catalogue, with the nearest; none without any."""
+    rows = [
+        (f"{row.instrument} {humanize(row.key)}", f"{number(row.value, 3)} {row.unit}, nearest grade: {row.nearest}")
+        for row in report.grades
+    ]
+    return Facts(rows, below=True) if rows else None
+
+
+def _names(report: IdentificationReport) -> dict[str, str]:
+    """Return the names of the logs without their folders, unless two would be the same."""
+    short = {log.name: log.name.rpartition("/")[2] for log in report.logs}
+    return short if len(set(short.values())) == len(short) else {name: name for name in short}
+
+
 def _length(log: LogFacts) -> str:
-    return f"{duration_words(log.duration)}, {log.readings:,} readings, one each {log.interval:.6g} s"
+    return f"{duration_words(log.duration)}, {log.readings:,} readings, one every {log.interval:.3g} s"
 
 
 def parameter_table(report: IdentificationReport) -> Table[ParameterRow]:
@@ -271,16 +307,14 @@ def _repeated(axis: AxisReport) -> str:
 
 def remarks(report: IdentificationReport) -> Iterator[str]:
     """List what was noticed of logs, readings and models."""
-    notes = dict[str, list[str]]()
+    notes, short = dict[str, list[str]](), _names(report)
     for log in report.logs:
         for note in log.notes:
-            notes.setdefault(note, []).append(log.name)
+            notes.setdefault(note, []).append(short[log.name])
     yield from (f"{', '.join(names)}: {note}" for note, names in notes.items())
     yield from report.notes
+    yield from _all_departures(report)
     for axis in report.axes:
-        for place, goodness in enumerate(axis.goodness):
-            where = axis.name if len(axis.goodness) == 1 else f"{axis.name} in {report.logs[place].name}"
-            yield from (f"{where}: {departure}" for departure in _departures(axis, goodness))
         yield from (f"{axis.name}: {sentence}" for sentence in _of_resolution(axis))
         if axis.fitted.rivals:
             yield f"{axis.name}: the logs cannot tell {' or '.join(axis.fitted.ambiguities)}"
@@ -289,6 +323,14 @@ def remarks(report: IdentificationReport) -> Iterator[str]:
                 f"{axis.name}: the logs do not agree (p = {probability(axis.agreement)}): the noise in common and its "
                 "interval are of none of them"
             )
+
+
+def _all_departures(report: IdentificationReport) -> Iterator[str]:
+    """Describe how the records of all axes depart from their models."""
+    for axis in report.axes:
+        for place, goodness in enumerate(axis.goodness):
+            where = axis.name if len(axis.goodness) == 1 else f"{axis.name} in {report.logs[place].name}"
+            yield from (f"{where}: {departure}" for departure in _departures(axis, goodness))
 
 
 def _departures(axis: AxisReport, goodness: Goodness) -> Iterator[str]:

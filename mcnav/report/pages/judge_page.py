@@ -11,9 +11,9 @@ from mcnav.report.pages.screen import RESULTS, answered
 
 METHOD = (
     "The verdict is on the largest of all statistics, each over its 95 % point in simulated records. They are mean NIS "
-    "and autocorrelation of each sensor, and NEES against a reference. Besides, what the likelihood of the innovations "
-    "gains by another size of each number, or by a constant error. An alarm is a statistic that fewer than 5 % of "
-    "simulated records have. Simulated records are linear and have the gains that the filter used on this one."
+    "and autocorrelation of each sensor, and NEES against a reference. Others are what the likelihood of the "
+    "innovations gains by another size of each number, or by a constant error. An alarm is a statistic that fewer than "
+    "5 % of simulated records have. Simulated records are linear and have the gains that the filter used on this one."
 )
 
 
@@ -27,7 +27,11 @@ def page(title: str, record: FilteredRecord, judgement: Judgement) -> Page:
     compared = joined(reference_errors(record, judgement), nees_table(judgement))
     if compared:
         sections.append(Section("reference", "Errors against the reference", compared))
-    sections.append(Section("numbers", "Numbers", joined(cause_table(judgement), offset_table(judgement))))
+    sections.append(
+        Section(
+            "numbers", "What the record says of each number", joined(cause_table(judgement), offset_table(judgement))
+        )
+    )
     notes = Listing(judgement.notes) if judgement.notes else None
     return answered(Page(
         title, "A recorded flight judged", title, joined(verdict(judgement), basis(judgement), notes), sections,

@@ -217,11 +217,11 @@ def _toned(statistic: Statistic) -> Cell:
     return Cell(number(statistic.value, 3), tone=None if statistic.usual else "differs")
 
 
-def _rejected(each: SensorVerdict) -> str:
+def _rejected(verdict: SensorVerdict) -> str:
     """Say how many measurements the gate rejected, and how many it does of a consistent filter."""
-    if each.expected_rejected is None:
-        return f"{each.rejected:,}"
-    return f"{each.rejected:,} ({number(each.expected_rejected, 2)} expected)"
+    if verdict.expected_rejected is None:
+        return f"{verdict.rejected:,}"
+    return f"{verdict.rejected:,} ({number(verdict.expected_rejected, 2)} expected)"
 
 
 def sensor_table(judgement: Judgement) -> Table[SensorVerdict]:
@@ -259,16 +259,18 @@ def nees_table(judgement: Judgement) -> Table[NeesVerdict] | None:
 def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
     """Tabulate the sizes of the campaign: what the record says of each, and what it could say."""
 
-    def factor(each: CauseVerdict) -> str:
-        if each.factor is None:
+    def factor(verdict: CauseVerdict) -> str:
+        if verdict.factor is None:
             return "–"
-        if each.factor.low == 0.0 and np.isinf(each.factor.high):
+        if verdict.factor.low == 0.0 and np.isinf(verdict.factor.high):
             return "not told"
-        if each.factor.low == 0.0:
-            return f"at most {number(each.factor.high, 3)}"
-        if np.isinf(each.factor.high):
-            return f"at least {number(each.factor.low, 3)}"
-        return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {number(each.factor.high, 3)})"
+        if verdict.factor.low == 0.0:
+            return f"at most {number(verdict.factor.high, 3)}"
+        if np.isinf(verdict.factor.high):
+            return f"at least {number(verdict.factor.low, 3)}"
+        return (
+            f"{number(verdict.factor.value, 3)} ({number(verdict.factor.low, 3)} to {number(verdict.factor.high, 3)})"
+        )
 
     columns: list[Column[CauseVerdict]] = [
         Column("Number", lambda row: humanize(row.name), "number", "label"),
@@ -279,7 +281,7 @@ def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
         Column("found in 9 of 10 from", lambda row: "–" if row.noticed is None else f"{row.noticed:g} x"),
     ]
     caption = (
-        "Each number alone, with what is named changed and all others as in the campaign: its factor by maximum "
+        "Each number alone, with what is named changed and all others as in the campaign. Its factor is by maximum "
         "likelihood, with the interval of the likelihood ratio. Found: share of simulated records in which it is found."
     )
     return Table(caption, columns, judgement.causes, "Numbers of the campaign")

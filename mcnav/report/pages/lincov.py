@@ -207,20 +207,21 @@ def requirements_in_brief(answer: LinearAnswer) -> Findings:
     """List the requirements in one short row each: what is limited, the linear value, and the limit."""
     units = units_shown(answer.outputs)
     entries = []
-    for row, each in zip(requirement_rows(answer), answer.requirements, strict=True):
-        limit = shown_limit(each, *units[answer.outputs[each.requirement.outputs[0]].name])
-        entries.append((row.finding, row.tone, f"{short_name(each, answer)}: {row.shown}, limit {limit}"))
+    for row, requirement in zip(requirement_rows(answer), answer.requirements, strict=True):
+        unit = units[answer.outputs[requirement.requirement.outputs[0]].name]
+        value, limit = shown_value(requirement, *unit, digits=3), shown_limit(requirement, *unit)
+        entries.append((row.finding, row.tone, f"{short_name(requirement, answer)}: {value}, limit {limit}"))
     return Findings(entries)
 
 
-def shown_value(row: LinearRequirement, scale: float, unit: str) -> str:
+def shown_value(row: LinearRequirement, scale: float, unit: str, digits: int = 4) -> str:
     """Format the linear value of a requirement: a probability, or an error in the unit shown."""
     if not math.isfinite(row.value):
         return "–"
     within = f" ± {100.0 * row.share:.2g} %" if row.share else ""
     if row.requirement.kind == "box":
         return f"{100.0 * row.value:.3f} %"
-    return f"{number(row.value * scale, 3 if row.share else 4)} {unit}{within}"
+    return f"{number(row.value * scale, 3 if row.share else digits)} {unit}{within}"
 
 
 def shown_limit(row: LinearRequirement, scale: float, unit: str) -> str:
@@ -228,7 +229,7 @@ def shown_limit(row: LinearRequirement, scale: float, unit: str) -> str:
     required = row.requirement
     if required.kind == "box":
         return f"{100.0 * (required.probability or 0.5):g} %"
-    return f"{number(required.limits[0] * scale)} {unit}"
+    return f"{required.limits[0] * scale:,.6g} {unit}"
 
 
 def final_rows(answer: LinearAnswer) -> list[SizeRow]:

@@ -8,6 +8,8 @@ from dataclasses import replace
 from itertools import count
 from typing import Final
 
+from markupsafe import Markup
+
 from mcnav.report.document.parts import (
     Beside,
     Facts,
@@ -31,9 +33,9 @@ RESULTS: Final = "Results"
 FOLDS: Final = {
     "Filter": ("filter", "estimation", "smoother", "kinds", "innovations", "reference", "gates"),
     "Linear analysis": ("combination", "linear", "causes", "joint", "dispersion", "truth", "over-time", "correlations"),
-    "Requirements": ("requirements", "limits", "change"),
+    "Requirements": ("requirements", "limits"),
     "Budget": ("budget", "remedies"),
-    RESULTS: ("when", "runs"),
+    RESULTS: ("change", "when", "runs"),
     "Explore": ("what-if", "settings", "deck", "throughout", "flight"),
     "Provenance": ("provenance", "inputs"),
 }
@@ -60,6 +62,8 @@ TITLES: Final = 4
 ROWS: Final = 3
 """Findings listed where there are more than one more."""
 
+MORE: Final = Markup('<a href="#{}">and {} more</a>').format
+
 
 def folds_of(sections: Sequence[Section], above: Mapping[str, Sequence[Part]], rest: str = RESULTS) -> list[Fold]:
     """Put sections in folds; folds that would be empty are left out.
@@ -80,8 +84,13 @@ def folds_of(sections: Sequence[Section], above: Mapping[str, Sequence[Part]], r
         if own or parts:
             alone = title in LINES and len(own) < 2 and (not own or own[0].title == title)
             line = LINES[title] if alone else _listed([section.title for section in own])
-            folds.append(Fold(f"fold-{title.lower().replace(' ', '-')}", title, line, parts, own))
+            folds.append(Fold(_name(title), title, line, parts, own))
     return folds
+
+
+def _name(title: str) -> str:
+    """Return the name of a fold, to which links lead."""
+    return f"fold-{title.lower().replace(' ', '-')}"
 
 
 def _listed(titles: Sequence[str]) -> str:
@@ -140,7 +149,8 @@ def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analy
     shown = figure or next(
         (part for section in page.sections for part in section.parts if isinstance(part, Figure) and part.panels), None
     )
-    beside = [_shortened(part) if isinstance(part, Findings) else part for part in findings]
+    asked = next((fold.name for fold in folds_of(page.sections, {}, rest) if fold.title == "Requirements"), _name(rest))
+    beside = [_shortened(part, asked) if isinstance(part, Findings) else part for part in findings]
     taken = sum(
         len(f"{finding} {words}".split())
         for part in beside if isinstance(part, Findings) for finding, _, words in part.entries
@@ -197,9 +207,9 @@ def _sentences(text: str) -> list[str]:
     return re.split(r"(?<=[.!?])\s+", text)
 
 
-def _shortened(findings: Findings) -> Findings:
-    """List the first few findings, and how many more there are."""
+def _shortened(findings: Findings, fold: str) -> Findings:
+    """List the first few findings, and how many more there are, in a fold."""
     more = len(findings.entries) - ROWS
     if more < 2:
         return findings
-    return replace(findings, entries=findings.entries[:ROWS], further=f"and {more} more")
+    return replace(findings, entries=findings.entries[:ROWS], further=MORE(fold, more))

@@ -200,7 +200,7 @@ class RunAnalysis:
         kind = str(self.manifest.identity.campaign.get("scenario", {}).get("type", ""))
         return ".py:" in kind and any(output.of == "truth" for output in self.manifest.model.outputs)
 
-    @property
+    @cached_property
     def source_names(self) -> list[str]:
         """Names of the sources for people."""
         return labels_of(self.manifest.model.sources, self.manifest.model.outputs)

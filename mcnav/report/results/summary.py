@@ -20,7 +20,7 @@ from mcnav.analysis.model import Model
 from mcnav.analysis.multivariate import MultivariateTests
 from mcnav.analysis.requirements import RequirementResult
 from mcnav.analysis.summary import Beyond, CombinationEntry, Joint, Summary, tally
-from mcnav.analysis.tails import Quantile
+from mcnav.analysis.tails import MOST_PAIRS, Quantile, pairs_in_one_unit
 from mcnav.analysis.variance_breakdown import VarianceBreakdown
 from mcnav.analysis.vector_sizes import SampledSize
 from mcnav.report.results.filter_summary import fault_entries, filter_entries, smoother_entries
@@ -73,7 +73,7 @@ def summarise(
         "nees_mean_expected": comparison.joint.nees_expected if comparison.joint else None,
         **_joint(comparison.joint, len(names)),
         "causes": asdict(causes) if causes else None,
-        "tails": [_named(asdict(quantile), names) | {"verdict": quantile.verdict.value} for quantile in tails],
+        **_quantiles(tails, model, record),
         **({"sizes": [_size(size, names) for size in sizes]} if sizes else {}),
         "requirements": [_requirement(judged, names) for judged in requirements],
         "requirements_met": tally(judged.finding.value for judged in requirements),
@@ -83,6 +83,18 @@ def summarise(
         **({} if smoothed is None else smoother_entries(smoothed)),
         **({"faults": fault_entries(record.faults, filtered)} if record.faults else {}),
     })  # fmt: skip
+
+
+def _quantiles(tails: Sequence[Quantile], model: Model, record: ModelRecord) -> Keys:
+    """Return the quantiles, and the number of pairs that are too many to have a CEP each."""
+    names, pairs = (
+        [output.name for output in record.outputs],
+        pairs_in_one_unit(model, [o.unit for o in record.outputs]),
+    )
+    return {
+        "tails": [_named(vars(quantile), names) | {"verdict": quantile.verdict.value} for quantile in tails],
+        **({"pairs_without_cep": len(pairs)} if len(pairs) > MOST_PAIRS else {}),
+    }
 
 
 def _size(size: SampledSize, names: Sequence[str]) -> Keys:

@@ -74,18 +74,16 @@ def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
     if failing:
         worst = [f"{name} ({_departure(output.ratio)})" for name, output in failing[:NAMED]]
         more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
-        does = "does" if len(failing) == 1 else "do"
-        words = f"{', '.join(worst) if more else joined(worst)}{more} {does} not"
-        sentences.append(words[:1].upper() + words[1:])
+        sentences.append(f"It fails for {', '.join(worst) if more else joined(worst)}{more}")
     if corrected := _corrected_sigmas(answer, examined):
         sentences.append(corrected)
     unknown = [name for name, verdict in zip(names, verdicts, strict=True) if verdict == "cannot say"]
     if unknown:
         sentences.append(f"Cannot say for {several(unknown)}: run samples")
     if together == "does not hold":
-        sentences.append("Together it does not: use no gate or fusion with the full matrix")
+        sentences.append("Do not gate or fuse with the full matrix, which is wrong")
     elif together == "cannot say":
-        sentences.append("Together it cannot say: run samples before you use the full matrix")
+        sentences.append("It cannot say for the full covariance matrix: run samples before you use it")
     if "holds" in verdicts:
         sentences.append(UNSEEN)
     worst_verdict = next(verdict for verdict in ("does not hold", "cannot say") if verdict in (*verdicts, together))
@@ -94,4 +92,4 @@ def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
 
 
 def _departure(ratio: float) -> str:
-    return "its linear sigma is zero" if math.isnan(ratio) else f"true sigma about {ratio:.2f} times"
+    return "linear sigma zero" if math.isnan(ratio) else f"{ratio:.2f} times the linear sigma"

@@ -199,7 +199,8 @@ def _worst_output(summary: Summary, epochs: Mapping[str, Array]) -> str:
         return ""
     when = f"{humanize(worst.name)} at {instant(worst.worst, result.time)}"
     between = _ends(worst.factor_interval, 100.0 * (result.confidence or summary.confidence))
-    return f"Worst: {when}, {_sigmas(summary, result, worst, epochs)}{rounded(worst.factor, 2)} times{between}."
+    alone = "" if result.factor is None or worst.factor >= result.factor else " single output"
+    return f"Worst{alone}: {when}, {_sigmas(summary, result, worst, epochs)}{rounded(worst.factor, 2)} times{between}."
 
 
 def _ends(ends: Ends | None, confidence: float) -> str:
@@ -212,16 +213,16 @@ def _ends(ends: Ends | None, confidence: float) -> str:
 
 
 def _sigmas(summary: Summary, result: FilterSummary, worst: Departure, epochs: Mapping[str, Array]) -> str:
-    """Write true and filter sigma at that time; empty where they are not stored."""
+    """Write the root mean square error and the filter sigma at that time; empty where they are not stored."""
     unit = next((output.unit for output in summary.outputs if output.name == worst.name), "")
     times = epochs.get(result.time)
-    pair = [epochs.get(f"{kind} {worst.name} [{unit}]") for kind in ("sigma", "filter sigma")]
-    if times is None or worst.worst is None or pair[0] is None or pair[1] is None:
+    mean, sigma, stated = (epochs.get(f"{kind} {worst.name} [{unit}]") for kind in ("mean", "sigma", "filter sigma"))
+    if times is None or worst.worst is None or mean is None or sigma is None or stated is None:
         return ""
     scale, shown = shown_units(summary)[worst.name]
     place = int(np.abs(times - worst.worst).argmin())
-    true, own = (rounded(float(column[place]) * scale, 2) for column in pair if column is not None)
-    return f"true {true} {shown}, filter {own}: "
+    true = math.hypot(float(mean[place]), float(sigma[place]))  # about zero, as the ratio is
+    return f"true {rounded(true * scale, 2)} {shown}, filter {rounded(float(stated[place]) * scale, 2)}: "
 
 
 def silent_sensor(summary: Summary) -> str:

@@ -42,20 +42,21 @@ def answer(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs: S
             "start."
         )
     gain = study.weighted[place] / study.weighted[0] if study.weighted[0] > 0.0 else 1.0
-    what = f"{_weighted(study, outputs)} is smallest there of the starts compared"
+    what = f"Of the starts compared it has the smallest {_weighted(study, outputs)}"
     words = [_of_means(study, outputs)] if study.means_matter else []
     if place == 0:
         words.append(
-            f"Start at the first point, {minutes(study.times[0])} {study.clock.label}: {what}. An earlier start was "
+            f"Start at the first point, {minutes(study.times[0])} {study.clock.label}. {what}. An earlier start was "
             "not compared."
         )
     else:
         words.append(
-            f"Start at {minutes(study.times[place])} {study.clock.label}: {what}. It is {gain:.3g} times the value at "
-            "the first point."
+            f"Start at {minutes(study.times[place])} {study.clock.label}. {what}: {gain:.3g} times that of the "
+            "earliest start."
         )
     if place > 0 and place == study.before_event - 1:
-        words.append("It is the latest start compared. A later start was not compared.")
+        event = study.clock.event
+        words.append(f"It is the latest compared{f'; starts after {event} do not count' if event else ''}.")
     if (differing := _of_single_outputs(study, outputs)) and len(outputs) > 1:
         words.append(differing)
     if beyond[place].any():
@@ -86,11 +87,11 @@ def _of_means(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
 def _weighted(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
     """Name what is weighted."""
     if study.means_matter:
-        return "the weighted root mean square"
+        return "weighted root mean square"
     counted = {kind_of(output) for output, weight in zip(outputs, study.weights, strict=True) if weight > 0.0}
     if counted == {study.clock.weighs}:
-        return f"the weighted {study.clock.weighs.lower()}"
-    return "the weighted dispersion of all outputs"
+        return f"weighted {study.clock.weighs.lower()}"
+    return "weighted dispersion of all outputs"
 
 
 def _exceeding(beyond: NDArray[np.bool_], outputs: Sequence[Output]) -> str:

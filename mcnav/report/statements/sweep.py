@@ -94,7 +94,7 @@ def closest_words(just_met: JustMet, variable: Variable) -> str:
     if just_met.closest is None or not math.isfinite(just_met.closest[1]):
         return ""
     value, margin = just_met.closest
-    factor = f"a factor of {drawn.plain(math.exp(abs(margin)))}"
+    factor = f"a factor of {math.exp(abs(margin)):.3g}"
     return f"; closest at {shown(variable, value)}, {f'off by {factor}' if margin > 0.0 else f'with {factor} to spare'}"
 
 

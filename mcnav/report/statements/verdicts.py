@@ -120,7 +120,7 @@ TABLE: Final[Mapping[Subject, Sequence[Row]]] = {
 
 
 def statements(summary: Summary, epochs: Mapping[str, Array] | None = None) -> list[Statement]:
-    """State the verdicts on a run, the worst first; mean errors that exceed one sigma come before all.
+    """State the verdicts on a run, the worst first; mean errors that exceed one sigma follow only what fails.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def _rows(summary: Summary) -> list[tuple[Subject, Row]]:
         for subject in SUBJECTS
         if (row := next((row for row in TABLE[subject] if row.holds(summary)), None)) is not None
     ]
-    return sorted(rows, key=lambda said: (said[0] != "means", WORST.index(tone_on(said[0], summary))))
+    return sorted(rows, key=lambda said: WORST.index(tone_on(said[0], summary)))
 
 
 def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str, Array]) -> Statement:
@@ -146,7 +146,7 @@ def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str
     if subject == "filter" and known == "differs":
         consequences.append(fields.silent_sensor(summary))
     sentence, next_step = fill(row.sentence, summary, epochs), fill(row.next_step, summary, epochs)
-    told = [_unrepeated(words, next_step) for words in details.details_on(summary, subject, _partly(summary))]
+    unrepeated = [_unrepeated(words, next_step) for words in details.details_on(summary, subject, _partly(summary))]
     return Statement(
         subject=subject,
         tone=known,
@@ -155,7 +155,7 @@ def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str
         consequences=tuple(filter(None, consequences)),
         next_step=next_step,
         cause=fields.cause(summary, subject) if known != "agrees" else "",
-        details=tuple(words for words in told if words not in ("", sentence)),
+        details=tuple(words for words in unrepeated if words not in ("", sentence)),
         warnings=details.warnings_on(summary) if subject == "linear" else (),
     )
 

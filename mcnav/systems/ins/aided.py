@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final, Literal
 
 import numpy as np
@@ -44,7 +44,7 @@ from mcnav.systems.ins.linear.aided_errors import (
 )
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop
 from mcnav.systems.ins.linear.covariance import biased_processes
-from mcnav.systems.ins.linear.recent_responses import recent_responses
+from mcnav.systems.ins.linear.response_blocks import Responses, recent_responses
 from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.mechanization import Diverged, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
@@ -57,7 +57,7 @@ SHARED_CHUNK: Final = 256
 SMOOTHED_CHUNK: Final = 128
 
 MOST_STEPS: Final = 60_000
-"""Steps of the grid, of which the tables take some 15 kB each."""
+"""Steps of the grid: with an update in each, the tables of linear analysis and of samples take some 20 kB a step."""
 
 PROBES: Final = 8
 """Samples on which the steps are settled."""
@@ -121,7 +121,10 @@ class AidedNavigation:
         )
 
     def _close(self, division: int) -> ClosedLoop:
-        return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter)
+        """Return the closed loop on a finer grid, of which samples take tables of their own once."""
+        once, known = partial(Responses, kept=0), self.loop.measurements
+        grid = self.grid(division)
+        return close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter, once, known)
 
     def places(self, loop: ClosedLoop) -> IndexArray:
         """Return the numbers of the epochs in a loop's grid."""
@@ -198,7 +201,7 @@ class AidedNavigation:
         """Prepare the tables of the ensemble."""
         loop = self.loop if division == 1 else self._close(division)
         shared = tabulate(self.truth, self.platform, loop.responses, self.imu, self.places(loop))
-        return tabulate_aided(loop, shared, biased_processes(loop.responses, self.imu))
+        return tabulate_aided(loop, shared, biased_processes(loop.responses.between(0, 1), self.imu))
 
     def refined(self, probes: Array) -> tuple[AidedTables, float]:
         """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error.

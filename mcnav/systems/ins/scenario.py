@@ -52,8 +52,7 @@ from mcnav.systems.ins.imu.linear_noise import NoiseResponse
 from mcnav.systems.ins.linear.covariance import LinearErrors
 from mcnav.systems.ins.linear.delay_remarks import remarks_on_delays
 from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts
-from mcnav.systems.ins.linear.recent_responses import recent_responses
-from mcnav.systems.ins.linear.response import StepResponses, respond
+from mcnav.systems.ins.linear.response_blocks import Responses, recent_responses
 from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
@@ -248,7 +247,7 @@ class Navigation:
         return np.interp(places, np.arange(len(times)), times)
 
     @cached_property
-    def responses(self) -> StepResponses:
+    def responses(self) -> Responses:
         """The linear responses between epochs."""
         return recent_responses(self.truth, self.platform, self.times, self.imu)
 
@@ -257,7 +256,7 @@ class Navigation:
         grid = self.grid(steps)
         responses = self.responses
         if not np.array_equal(grid, self.times):
-            responses = respond(self.truth, self.platform, grid, self.imu)
+            responses = Responses(self.truth, self.platform, grid, self.imu)
         return tabulate(self.truth, self.platform, responses, self.imu, np.arange(len(self.times)) * steps)
 
     @cached_property
@@ -585,7 +584,7 @@ class Ins(PlainScenario):
         linear = navigation.linear
         if not epochs_alone:
             grid = np.union1d(navigation.times, times)
-            responses = respond(navigation.truth, navigation.platform, grid, navigation.imu)
+            responses = Responses(navigation.truth, navigation.platform, grid, navigation.imu)
             linear = free_errors(navigation.truth, responses, navigation.imu, np.searchsorted(grid, times))
         nominal = np.zeros(linear.partials.shape[:2])
         return LinearSystem(linear.times, linear.partials, nominal, linear.processes, label=TRAJECTORY_TIME)

@@ -25,7 +25,7 @@ from mcnav.systems.ins.imu.instruments import Imu, process_variances
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop
 from mcnav.systems.ins.linear.covariance import output_map
 from mcnav.systems.ins.linear.free_timeline import free_timeline
-from mcnav.systems.ins.linear.recent_responses import recent_responses
+from mcnav.systems.ins.linear.response_blocks import recent_responses
 from mcnav.systems.ins.linear.sizes import same_kind, same_sensors, states_of_sizes
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.truth.trajectory import Platform, Truth

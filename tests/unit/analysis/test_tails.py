@@ -8,7 +8,8 @@ from scipy import stats
 
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.model import Model
-from mcnav.analysis.tails import PROBABILITIES, tails
+from mcnav.analysis.tails import MOST_PAIRS, PROBABILITIES, pairs_in_one_unit, tails
+from mcnav.statistics.normal_size import size_quantile
 
 MODEL = Model(np.diag([1.0, 2.0, 0.0]), np.zeros(3), np.zeros(3), np.eye(3))
 UNITS = ["m", "m", "m"]
@@ -24,6 +25,7 @@ def test_normal_errors() -> None:
         assert entry.linear == pytest.approx(expected, rel=1e-9)
         assert entry.lower < expected < entry.upper
     circle = found[-1]
+    assert circle.linear == size_quantile(np.zeros(2), np.diag([1.0, 4.0]), 0.5)
     assert circle.lower < circle.linear < circle.upper
     assert circle.lower < circle.estimate < circle.upper
 
@@ -40,3 +42,13 @@ def test_failures_and_few_samples() -> None:
     none = tails(MODEL, np.full((10, 3), np.nan), np.arange(10), ["m", "s", "m"], Criterion(confidence=0.9))
     assert len(none) == 6
     assert all(np.isnan(entry.estimate) and entry.lower == 0.0 for entry in none)
+
+
+def test_more_pairs_than_anyone_reads_have_no_cep() -> None:
+    """46 outputs in metres have 1,035 pairs; 45 of them and one in seconds 990, which all have one."""
+    model = Model(np.eye(46), np.zeros(46), np.zeros(46), np.eye(46))
+    outcomes = np.random.default_rng(3).standard_normal((200, 46))
+    for units, pairs, computed in ((["m"] * 46, 1035, 0), (["m"] * 45 + ["s"], 990, 990)):
+        assert len(pairs_in_one_unit(model, units)) == pairs
+        found = tails(model, outcomes, np.arange(200), units, Criterion())
+        assert (len(found), pairs > MOST_PAIRS) == (3 * 46 + computed, not computed)

@@ -113,7 +113,8 @@ def test_an_optimistic_filter_comes_first(reentry: Summary) -> None:
     wrong = Summary.of(reentry.to_json() | {"filter": _filter(), "verdict_matrix": "agrees"})
     epochs = {
         "time [min]": np.array([1.0, 3.0]),
-        "sigma range [m]": np.array([1.0, 2_500.0]),
+        "mean range [m]": np.array([0.0, 1_500.0]),
+        "sigma range [m]": np.array([1.0, 2_000.0]),  # 2,500 m about zero
         "filter sigma range [m]": np.array([1.0, 1_000.0]),
     }
     first, second = statements(wrong, epochs)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from mcnav.analysis.summary import QuantileEntry
-from mcnav.report.columns.percentiles import MOST_QUANTILES, QuantileRow, with_most_different
-from mcnav.report.document.table import Table
+from mcnav.report.columns.percentiles import QuantileRow, prominence
+from mcnav.report.document.table import MOST_ROWS, Column, Table
+
+COLUMN = (Column[QuantileRow]("Error", lambda row: row.title),)
 
 
 def _row(place: int, estimate: float | None, verdict: str) -> QuantileRow:
@@ -17,11 +19,11 @@ def _row(place: int, estimate: float | None, verdict: str) -> QuantileRow:
 def test_a_page_shows_the_quantiles_that_differ_and_those_farthest_from_linear_analysis() -> None:
     """Row 0 differs by least; the others depart by 0.001 a row, and a last one has no estimate."""
     rows = [_row(0, 1.0, "differs"), *(_row(i, 1.0 + 1e-3 * i, "agrees") for i in range(1, 5000)), _row(5000, None, "")]
-    table = with_most_different(Table("Quantiles.", (), rows))
-    assert table.rows == [rows[0], *rows[5001 - MOST_QUANTILES : 5000]]
-    assert "Of 5,001 quantiles the page shows 300" in table.caption
+    table = Table("Quantiles.", COLUMN, rows).foremost(prominence, "quantiles", "those that differ")
+    assert table.rows == [rows[0], *rows[5001 - MOST_ROWS : 5000]]
+    assert "Of 5,001 quantiles the page shows 300: those that differ. summary.json has all." in table.caption
 
 
 def test_a_table_of_few_quantiles_is_whole() -> None:
-    table = Table("Quantiles.", (), [_row(i, 1.0, "agrees") for i in range(MOST_QUANTILES)])
-    assert with_most_different(table) is table
+    table = Table("Quantiles.", COLUMN, [_row(i, 1.0, "agrees") for i in range(MOST_ROWS)])
+    assert table.foremost(prominence, "quantiles", "") is table

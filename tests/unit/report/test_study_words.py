@@ -55,13 +55,13 @@ def study(weighted: list[float]) -> StartTimeStudy:
 
 def test_when() -> None:
     middle = start_answer(study([4.0, 1.0, 2.0]), {}, OUTPUTS)
-    assert middle.startswith("Start at −20.0 min from reentry: the weighted dispersion of all")
-    assert "It is 0.25 times the value at the first point." in middle
+    assert middle.startswith("Start at −20.0 min from reentry. Of the starts compared it has the smallest weighted")
+    assert "0.25 times that of the earliest start." in middle
     assert middle.endswith("Single outputs have their best starts from −30.0 (altitude) to −20.0 (range).")
     first, last = (start_answer(study(weighted), {}, OUTPUTS) for weighted in ([1.0, 2.0, 3.0], [3.0, 2.0, 1.0]))
     assert first.startswith("Start at the first point, −30.0 min from reentry")
     assert "An earlier start was not compared." in first
-    assert "It is the latest start compared. A later start was not compared." in last
+    assert "It is the latest compared; starts after reentry do not count." in last
 
 
 def test_a_start_with_the_smallest_sigma_is_not_the_best_where_its_mean_error_is_large() -> None:
@@ -72,7 +72,7 @@ def test_a_start_with_the_smallest_sigma_is_not_the_best_where_its_mean_error_is
     assert list(ranked.best) == [2, 0]
     told = start_answer(ranked, {}, OUTPUTS)
     assert told.startswith("At 1 of 3 start times a mean error exceeds its sigma. Worst: the mean error of range for")
-    assert "Start at −10.0 min from reentry: the weighted root mean square is" in told
+    assert "Start at −10.0 min from reentry. Of the starts compared it has the smallest weighted root mean" in told
 
 
 def test_when_errors_are_beyond_the_range_of_linear_analysis() -> None:

@@ -211,11 +211,11 @@ def test_the_line_of_a_limit_passes_through_the_points_at_which_it_is_just_met(l
     ("limits", "tightest"),
     [
         ((JustMet(0, None, (), ((None, None),), 3, (3.0, -2.0)), JustMet(1, None, (), ((None, None),), 3, (1.0, -0.2))),
-         ("met", "agrees", "95 % of |altitude|, at most 5 km: closest at 1 km, with a factor of 1.221 to spare")),
+         ("met", "agrees", "95 % of |altitude|, at most 5 km: closest at 1 km, with a factor of 1.22 to spare")),
         ((JustMet(0, None, (2.0,), ((None, 2.0),)), JustMet(1, None, (), ((None, None),), 3, (1.0, -0.2))),
          ("in part", "partly", "range, 1σ, at most 2 km: met up to 2 km")),
         ((JustMet(0, None, (2.0,), ((None, 2.0),)), JustMet(1, None, (), (), 3, (3.0, 0.5))),
-         ("not met", "differs", "95 % of |altitude|, at most 5 km: closest at 3 km, off by a factor of 1.649")),
+         ("not met", "differs", "95 % of |altitude|, at most 5 km: closest at 3 km, off by a factor of 1.65")),
     ],
 )  # fmt: skip
 def test_the_first_screen_has_the_tightest_limit(limits: tuple[JustMet, ...], tightest: tuple[str, str, str]) -> None:

@@ -110,7 +110,7 @@ def test_two_pairs_of_equal_axes_are_a_sum_of_exponentials(ratio: float, probabi
     assert beyond == pytest.approx(1.0 - probability, rel=1e-8, abs=0.0)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_three_axes_are_an_integral_over_the_narrowest(seed: int) -> None:
     """Gauss and Legendre's rule over the narrowest axis, of the law of the other two by polar angle.
 
@@ -137,7 +137,7 @@ def test_three_axes_are_an_integral_over_the_narrowest(seed: int) -> None:
 def test_the_law_rises_and_its_mean_lies_between_for_shapes_at_random() -> None:
     """One to six axes, sigmas that differ by up to 1e7, offsets up to 1e9 sigmas, axes without variance."""
     random = np.random.default_rng(12)
-    for _ in range(60):
+    for _ in range(20):
         axes = int(random.integers(1, 7))
         sigmas = 10.0 ** random.uniform(-7.0, 0.0, axes) * random.choice([0.0, 1.0, 1.0, 1.0], axes)
         centres = sigmas * 10.0 ** random.uniform(-6.0, 9.0, axes) * random.choice([0.0, 1.0], axes)

@@ -11,7 +11,6 @@ from mcnav.arrays.types import Array
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.linear.aided_errors import ClosedLoopErrors, propagate_closed_loop
 from mcnav.systems.ins.linear.closed_loop import close_loop
-from mcnav.systems.ins.linear.response import respond
 from mcnav.systems.ins.tunings import Navigated, Tunings
 from tests.aided import make_filter, make_sensor, sized
 from tests.flights import flight
@@ -43,7 +42,7 @@ def navigated(believed: dict[str, float], mean: Array, covariance: Array) -> Nav
 
 def by_cause(of: Navigated) -> ClosedLoopErrors:
     """Return the errors of a navigation by cause."""
-    loop = close_loop(of.truth, of.platform, of.grid, of.imu, of.sensors, of.filter, respond)
+    loop = close_loop(of.truth, of.platform, of.grid, of.imu, of.sensors, of.filter)
     return propagate_closed_loop(loop, READ, np.ones(len(READ)))
 
 

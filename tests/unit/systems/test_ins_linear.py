@@ -11,7 +11,7 @@ from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, Noise
 from mcnav.systems.ins.linear.covariance import LinearErrors
 from mcnav.systems.ins.linear.free_timeline import free_errors
-from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.truth.trajectory import Truth
 from tests.flights import flight, rest
 
@@ -25,7 +25,7 @@ FLAT = Earth(RADIUS, 0.0, GRAVITY * RADIUS**2, 0.0)
 
 
 def linear(truth: Truth, imu: Imu, end: float, steps: int = 4) -> LinearErrors:
-    responses = respond(truth, "strapdown", np.linspace(0.0, end, steps + 1), imu)
+    responses = Responses(truth, "strapdown", np.linspace(0.0, end, steps + 1), imu)
     return free_errors(truth, responses, imu, np.array([0, steps]))
 
 

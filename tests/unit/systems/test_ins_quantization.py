@@ -14,6 +14,7 @@ from mcnav.systems.ins.imu.linear_noise import respond_from_rest
 from mcnav.systems.ins.linear.covariance import process_systems
 from mcnav.systems.ins.linear.free_timeline import free_errors
 from mcnav.systems.ins.linear.response import respond
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.reference.mechanization import LONGEST_STEP, longest_step
 from mcnav.systems.ins.truth.trajectory import Truth
 from tests.flights import flight, rest
@@ -36,7 +37,7 @@ def quantized(gyro: float, accelerometer: float = 0.0, interval: float = INTERVA
 
 
 def covariances(truth: Truth, imu: Imu, begin: float, end: float, steps: int) -> dict[str, Array]:
-    responses = respond(truth, "strapdown", np.linspace(begin, end, steps + 1), imu)
+    responses = Responses(truth, "strapdown", np.linspace(begin, end, steps + 1), imu)
     return {name: each[0] for name, each in free_errors(truth, responses, imu, np.array([steps])).processes.items()}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -12,7 +13,7 @@ from mcnav.report.columns.requirements import requirement_rows
 from mcnav.report.document.parts import Beside, Facts, Findings, Part, Tile, Verdict, joined
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.format import number
-from mcnav.report.names import shown_units
+from mcnav.report.names import humanize, shown_units
 from mcnav.report.pages.run.sections.remedies import fix
 from mcnav.report.pages.run.tiles import NAMES
 from mcnav.report.pages.run.worst_case import worst_case
@@ -30,6 +31,9 @@ WHOLE: Final = "combination"
 
 DIGITS: Final = 3
 """Significant digits of its numbers."""
+
+ROOM: Final = 46
+"""Most words of the verdicts: the title, requirements, a remedy, the figure and the contents take the others."""
 
 LONGEST: Final = 12
 """Words of a warning that is written out; of longer ones the first screen says that there are some."""
@@ -64,7 +68,7 @@ def first_screen(
     stated : sequence of Statement
         The verdicts in another order; by default the worst first.
     """
-    foremost, *others = stated or stated_on(content)
+    foremost, *others = _in_brief(stated or stated_on(content))
     by_subject = {tile.subject: tile for tile in tiles}
     tile = by_subject[NAMES[foremost.subject]]
     said = bool(foremost.consequences) or foremost.tone == "agrees"
@@ -82,6 +86,32 @@ def first_screen(
     return FirstScreen([verdict, Beside([figure], beside)], short=not beside)
 
 
+def _in_brief(stated: Sequence[Statement]) -> list[Statement]:
+    """Shorten the verdicts to what the screen has room for: first what the filter's sensors hide, then what agrees.
+
+    Of mean errors that another verdict precedes, the first sentence stays. All is in the folds.
+    """
+    first, *others = stated
+    others = [
+        replace(other, sentence=f"{other.sentence.partition('. ')[0].rstrip('.')}.")
+        if other.subject == "means"
+        else other
+        for other in others
+    ]
+    if _words(first, others) > ROOM:
+        first = replace(first, consequences=first.consequences[:1])
+    if _words(first, others) > ROOM:
+        others = [other for other in others if other.tone != "agrees" or other.subject == "requirements"]
+    return [first, *others]
+
+
+def _words(first: Statement, others: Sequence[Statement]) -> int:
+    """Count the words of verdicts as they stand on the screen."""
+    rows = [other.sentence for other in others if other.subject != "requirements"]
+    texts = [first.sentence, first.next_step, *first.consequences, first.cause, *rows]
+    return sum(bool(re.search(r"[^\W\d]", word)) for text in texts for word in text.split())
+
+
 def stated_on(content: RunAnalysis) -> list[Statement]:
     """State the verdicts on a run, the worst first."""
     epochs = content.folder.epochs()
@@ -97,7 +127,8 @@ def _figure(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile, said:
     if figure is None:
         return None
     if figure.name == WHOLE:
-        return replace(drawn[WHOLE], caption="", shows=_along(content))
+        panels = [replace(panel, title="") for panel in drawn[WHOLE].panels]
+        return replace(drawn[WHOLE], panels=panels, caption="", shows=_along(content))
     shows = "" if said else figure.shows
     if said and tile.subject == NAMES["requirements"]:  # whose words are the verdict's
         figure = replace(figure, panels=[replace(panel, title="") for panel in figure.panels])
@@ -112,14 +143,16 @@ def _along(content: RunAnalysis) -> str:
         return ""
     entry = joint.foremost
     scale, unit = shown_units(summary)[entry.lead]
-    mean, simulated, linear = (
+    alone = summary.sigma_linear[summary.names.index(entry.lead)]
+    mean, simulated, linear, own = (
         f"{number(size * scale, DIGITS)} {unit}".strip()
-        for size in (entry.mean_error, entry.sigma_paired, entry.sigma_linear)
+        for size in (entry.mean_error, entry.sigma_paired, entry.sigma_linear, alone)
     )
+    of_lead = f"{humanize(entry.lead)} alone: {own}"
     words = direction_words(entry, summary)
     if joint.cause == "mean":
-        return f"Mean error along the {words}: {mean}."
-    return f"Sigma along the {words}: {simulated} simulated, {linear} linear."
+        return f"Mean error along the {words}: {mean} ({of_lead})."
+    return f"Sigma along the {words}: {simulated} simulated, {linear} linear ({of_lead})."
 
 
 def _consequences(answer: Statement) -> list[str]:

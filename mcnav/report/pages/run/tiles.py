@@ -69,8 +69,6 @@ def tiles(
 ) -> list[Tile]:
     """Return a tile for each of some statements, the worst first; each links to one of the page's sections.
 
-    Mean errors that exceed one sigma come before all.
-
     ``consistent`` is the interval of a consistent filter's ratio at its epoch alone, on which that verdict rests.
     """
     if summary.filter and summary.filter.verdict == Honesty.CONSISTENT:
@@ -78,16 +76,15 @@ def tiles(
         summary = summary.model_copy(update={"filter": judged})
     made = [_tile(summary, each, sections, time_unit) for each in stated]
     order = [*NAMES.values()]
-    foremost = NAMES["means"]
-    return sorted(made, key=lambda each: (each.subject != foremost, WORST.index(each.tone), order.index(each.subject)))
+    return sorted(made, key=lambda tile: (WORST.index(tile.tone), order.index(tile.subject)))
 
 
 def _tile(summary: Summary, statement: Statement, sections: Container[str], time_unit: str) -> Tile:
     subject = statement.subject
-    found = {
+    worst_of = {
         "means": _mean, "requirements": _requirement, "filter": _filter, "smoother": _smoother, "linear": _linear,
     }  # fmt: skip
-    worst = found[subject](summary, time_unit)
+    worst = worst_of[subject](summary, time_unit)
     link = next((name for name in SECTIONS[subject] if name in sections), "")
     return Tile(
         subject=NAMES[subject],

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array, IndexArray
-from mcnav.compiled.blocks import blocks_of
+from mcnav.compiled.blocks import ENTRIES, THREE, blocks_of, count_threes
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part, allocation_free_subroutine, inlined
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, parts_of, room, store
@@ -60,6 +60,7 @@ from mcnav.systems.ins.ensemble.records import (
 from mcnav.systems.ins.ensemble.sample_groups import STEPS_OF_BLOCK, SampleGroups, put_aside, sample_groups, take_back
 from mcnav.systems.ins.ensemble.steps import (
     SHORT,
+    DeviationParts,
     Deviations,
     StepTables,
     add_given,
@@ -90,8 +91,10 @@ from mcnav.systems.ins.ensemble.updates import (
 )
 from mcnav.systems.ins.filter.consistency import COUNTS
 from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.imu.instruments import CONSTANTS, IMU_STREAM
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
+from mcnav.systems.ins.linear.response_blocks import BLOCK
 from mcnav.systems.ins.sensors.aiding import aiding_constants, gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
@@ -184,8 +187,9 @@ class AidedTables:
         model = self.loop.filter
         coupled = np.any(model.coupling, axis=0)
         return EstimateSteps(
-            model.coupling, model.decay, model.corrected, np.flatnonzero(np.any(coupled[:3], axis=0)),
-            np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(np.any(model.decay != 1.0, axis=0)),
+            np.ascontiguousarray(model.coupling), model.decay, model.corrected,
+            np.flatnonzero(np.any(coupled[:3], axis=0)), np.flatnonzero(np.any(coupled[3:], axis=0)),
+            np.flatnonzero(np.any(model.decay != 1.0, axis=0)),
         )  # fmt: skip
 
     @cached_property
@@ -204,25 +208,30 @@ class AidedTables:
     @cached_property
     def exact(self) -> IndexArray:
         """Numbers of the states that model constant errors of the instruments exactly."""
-        model = self.loop.filter
-        inputs = self.ensemble.inputs
-        return np.array(
-            [
-                state
-                for state, number in enumerate(model.constants)
-                if NAVIGATION <= number < len(CONSTANTS)
-                and np.all(model.decay[:, state] == 1.0)
-                and np.array_equal(model.coupling[:, :, state], inputs[:, number - NAVIGATION])
-            ],
-            dtype=np.int64,
-        )
+        return np.flatnonzero(self.loop.filter.exact)
 
     @cached_property
     def filter_steps(self) -> FilterSteps:
         """Tables of the filters over the steps, for compiled code."""
+        return self._filter_steps(len(self.ensemble.durations))
+
+    @cached_property
+    def no_filter_steps(self) -> FilterSteps:
+        """Tables over no steps, where all samples have the gains along the truth."""
+        return self._filter_steps(0)
+
+    def _filter_steps(self, count: int) -> FilterSteps:
+        """Return the tables over the first steps."""
         model, shared = self.loop.filter, self.ensemble
+        threes = THREE + count_threes(len(model.constants))
+        noises = np.empty((count, threes, threes, ENTRIES))
+        for first in range(0, count, BLOCK):
+            steps = slice(first, min(first + BLOCK, count))
+            noises[steps] = blocks_of(noise_matrices(model.noise, steps))
+        of_steps = (shared.durations, shared.motion, shared.thrust, model.coupling, model.decay)
+        durations, motion, thrust, coupling, decay = (table[:count] for table in of_steps)
         return filter_steps(
-            shared.durations, shared.motion, shared.thrust, model.coupling, model.decay, model.noise, model.corrected,
+            durations, motion, thrust, coupling, decay, noises, model.corrected,
             self._sigmas[:, NAVIGATION:].max(axis=0), self.smallest_position,
         )  # fmt: skip
 
@@ -304,8 +313,8 @@ class AidedTables:
             lags[np.flatnonzero(measured.sensors == sensor)[1:]] = True
         return UpdateTables(
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions,
-            measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.places,
-            self.bounds, self.correlated, self.memory, self.white, self.limits, of_sensors, self.shared.gains, roots,
+            measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.places,
+            self.correlated, self.memory, self.white, self.limits, of_sensors, self.shared.gains, roots,
             self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))),
             filter_updates(
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
@@ -414,8 +423,8 @@ class _LaneRooms(NamedTuple):
 
     Attributes
     ----------
-    parts : Deviations
-        The memory of `samples` by parts.
+    parts : DeviationParts
+        Memory of `samples`.
     accepted, whitened : ndarray, shape (..., PARTS, PART)
         Rows of `own`, by parts.
     covariances, covariance_parts : ndarray, shapes (9 + q, 9 + q, LANES), (9 + q, 9 + q, PARTS, PART)
@@ -429,7 +438,7 @@ class _LaneRooms(NamedTuple):
     white: Array
     drifting: Array
     cause: Array
-    parts: Deviations
+    parts: DeviationParts
     accepted: Array
     whitened: Array
     covariances: Array
@@ -528,8 +537,8 @@ def simulate_aided(
         np.zeros((kept, *tables.white.shape)),
     )  # fmt: skip
     _run(
-        steps, tables.estimate_steps, tables.filter_steps, tables.updates(active_aiding, active), tables.epochs,
-        of_samples, noise, rooms, own, results,
+        steps, tables.estimate_steps, tables.filter_steps if own else tables.no_filter_steps,
+        tables.updates(active_aiding, active), tables.epochs, of_samples, noise, rooms, own, results,
     )  # fmt: skip
     beyond = (results.outcomes == SOUND) & ~np.isfinite(results.values).all(axis=(1, 2))
     outcome = np.where(beyond, BEYOND, results.outcomes)

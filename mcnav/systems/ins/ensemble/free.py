@@ -12,6 +12,7 @@ rule. The linear errors of the same draws are a sum over the steps (`mcnav.syste
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -38,9 +39,11 @@ from mcnav.systems.ins.ensemble.steps import (
     respond,
     start,
 )
+from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO, IMU_STREAM, Imu
 from mcnav.systems.ins.linear.covariance import output_map, process_systems
 from mcnav.systems.ins.linear.response import StepResponses
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
@@ -59,8 +62,8 @@ class EnsembleTables:
         As `StepResponses.force`, flat.
     thrust : ndarray, shape (K, 6)
         Integral of the force, and that integral's.
-    inputs : ndarray, shape (K, 30, 9)
-        Responses to the constant errors of the instruments.
+    responses : Responses
+        Of which those to the constant errors of the instruments are taken.
     biases, decays : ndarray, shape (K, b, 9), (K, b)
         Responses to the biases of processes at the beginning, and what is left of these at the end.
     sizes : ndarray, shape (b,)
@@ -83,7 +86,7 @@ class EnsembleTables:
     motion: Array
     force: Array
     thrust: Array
-    inputs: Array
+    responses: Responses
     biases: Array
     decays: Array
     sizes: Array
@@ -102,6 +105,16 @@ class EnsembleTables:
         """Responses of the linear errors at the last epoch of a navigator without aiding."""
         return adjoint_of_free(self.motion, int(self.epochs[-1]), self.output_maps[-1])
 
+    def inputs(self, active: IndexArray) -> Array:
+        """Return the responses to constant errors of the instruments, by their numbers, shape (K, p, 9)."""
+        of_gyro = active < len(GYRO)
+        table = np.zeros((len(self.durations), len(active), NAVIGATION))
+        if len(active):
+            for block, responses in self.responses.blocks():
+                table[block, of_gyro] = responses.gyro[:, active[of_gyro]]
+                table[block, ~of_gyro, 3:] = responses.accelerometer[:, active[~of_gyro] - len(GYRO)]
+        return table
+
     def steps(self, active: IndexArray, adjoint: Adjoint) -> StepTables:
         """Return what compiled code takes of it.
 
@@ -112,7 +125,7 @@ class EnsembleTables:
         """
         return StepTables(
             self.start.constants, self.durations, self.motion, self.force, self.thrust,
-            np.ascontiguousarray(self.inputs[:, active]), int(np.count_nonzero(active < len(GYRO))), self.biases,
+            self.inputs(active), int(np.count_nonzero(active < len(GYRO))), self.biases,
             self.decays, self.factors, self.places, self.fields, self.gradients, self.curvatures, adjoint.steps,
         )  # fmt: skip
 
@@ -170,51 +183,77 @@ def _factor(correlation: Array) -> Array:
     return factor
 
 
-def tabulate(
-    truth: Truth, platform: Platform, responses: StepResponses, imu: Imu, epochs: IndexArray
-) -> EnsembleTables:
+def tabulate(truth: Truth, platform: Platform, responses: Responses, imu: Imu, epochs: IndexArray) -> EnsembleTables:
     """Prepare the tables for samples from the responses over the steps."""
     times = responses.times
     steps = len(times) - 1
-    systems = process_systems(responses, imu)
-    biased = [(response, noise, variance) for response, noise, variance in systems.values() if response.any()]
-    covariance = np.zeros((steps, 9 + len(biased), 9 + len(biased)))
-    biases, decays = np.zeros((steps, len(biased), 9)), np.zeros((steps, len(biased)))
-    for _, noise, _ in systems.values():
-        covariance[:, :9, :9] += noise[:, :9, :9]
-    for number, (response, noise, _) in enumerate(biased):
-        biases[:, number], decays[:, number] = response[:, :9], response[:, 9]
-        covariance[:, 9 + number, :9] = noise[:, 9, :9]
-        covariance[:, :9, 9 + number] = noise[:, :9, 9]
-        covariance[:, 9 + number, 9 + number] = noise[:, 9, 9]
-    halves = np.empty(2 * steps + 1)
-    halves[0::2], halves[1::2] = times, 0.5 * (times[:-1] + times[1:])
-    earth = truth.earth
-    around = truth.states(halves, platform, float(times[0]))
+    systems = process_systems(responses.between(0, 1), imu)
+    biased = {name: float(variance) for name, (response, _, variance) in systems.items() if response.any()}
+    width = NAVIGATION + len(biased)
     at = truth.states(times[epochs], platform, float(times[0]))
-    inputs = np.zeros((steps, 30, 9))
-    inputs[:, :15] = responses.gyro
-    inputs[:, 15:, 3:] = responses.accelerometer
-    return EnsembleTables(
+    tables = EnsembleTables(
         epochs=epochs,
         durations=np.diff(times),
-        motion=np.concatenate([responses.attitude, responses.motion], axis=2),
-        force=responses.force.reshape(steps, 6, 9),
-        thrust=np.einsum("krii->kr", responses.force),  # N is the identity
-        inputs=inputs,
-        biases=biases,
-        decays=decays,
-        sizes=np.sqrt(np.array([float(variance) for *_, variance in biased])),
-        factors=semidefinite_factor(covariance),
-        places=around.position,
-        fields=earth.gravitation(around.position),
-        gradients=earth.gravity_gradient(around.position),
-        curvatures=earth.zonal_curvature(around.position[1::2]),
+        motion=np.empty((steps, 6, 9)),
+        force=np.empty((steps, 6, 9)),
+        thrust=np.empty((steps, 6)),
+        responses=responses,
+        biases=np.empty((steps, len(biased), 9)),
+        decays=np.empty((steps, len(biased))),
+        sizes=np.sqrt(np.array(list(biased.values()))),
+        factors=np.empty((steps, width, width)),
+        places=np.empty((2 * steps + 1, 3)),
+        fields=np.empty((2 * steps + 1, 3)),
+        gradients=np.empty((2 * steps + 1, 3, 3)),
+        curvatures=np.empty((steps, 3, 6)),
         start=starting_point(truth, float(times[0])),
         start_map=np.asarray(np.linalg.inv(output_map(truth, float(times[0]))), dtype=float),
         output_maps=np.stack([output_map(truth, float(time)) for time in times[epochs]]),
-        truth=true_states(earth, np.hstack([at.position, at.velocity])),
+        truth=true_states(truth.earth, np.hstack([at.position, at.velocity])),
     )
+    for block, of_block in responses.blocks():
+        _fill_steps(tables, block, of_block, process_systems(of_block, imu), tuple(biased))
+        _fill_places(tables, block, of_block.times, truth, platform)
+    return tables
+
+
+def _fill_places(tables: EnsembleTables, block: slice, times: Array, truth: Truth, platform: Platform) -> None:
+    """Fill in the true places at the ends and the middles of a block's steps, and the field there."""
+    halves, where = np.empty(2 * len(times) - 1), slice(2 * block.start, 2 * block.stop + 1)
+    halves[0::2], halves[1::2] = times, 0.5 * (times[:-1] + times[1:])
+    places = truth.states(halves, platform, float(tables.responses.times[0])).position
+    tables.places[where], tables.fields[where] = places, truth.earth.gravitation(places)
+    tables.gradients[where] = truth.earth.gravity_gradient(places)
+    tables.curvatures[block] = truth.earth.zonal_curvature(places[1::2])
+
+
+def _fill_steps(
+    tables: EnsembleTables, block: slice, responses: StepResponses, systems: Mapping[str, tuple[Array, Array, Array]],
+    biased: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Fill in the steps of a block.
+
+    Parameters
+    ----------
+    systems : mapping
+        Processes over these steps, as `process_systems` has them.
+    biased : tuple of str
+        Those that are biases.
+    """
+    tables.motion[block, :, :3], tables.motion[block, :, 3:] = responses.attitude, responses.motion
+    tables.force[block] = responses.force.reshape(-1, 6, 9)
+    tables.thrust[block] = np.einsum("krii->kr", responses.force)  # N is the identity
+    width = NAVIGATION + len(biased)
+    covariance = np.zeros((len(responses.force), width, width))
+    for _, noise, _ in systems.values():
+        covariance[:, :NAVIGATION, :NAVIGATION] += noise[:, :NAVIGATION, :NAVIGATION]
+    for number, name in enumerate(biased):
+        response, noise, _ = systems[name]
+        tables.biases[block, number], tables.decays[block, number] = response[:, :NAVIGATION], response[:, NAVIGATION]
+        covariance[:, NAVIGATION + number, :NAVIGATION] = noise[:, NAVIGATION, :NAVIGATION]
+        covariance[:, :NAVIGATION, NAVIGATION + number] = noise[:, :NAVIGATION, NAVIGATION]
+        covariance[:, NAVIGATION + number, NAVIGATION + number] = noise[:, NAVIGATION, NAVIGATION]
+    tables.factors[block] = semidefinite_factor(covariance)
 
 
 @dataclass(frozen=True)

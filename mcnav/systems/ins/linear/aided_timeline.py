@@ -24,9 +24,9 @@ from mcnav.contract.timeline import FilterSteps, Instants, Start, StepNoise, Ste
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, initial_covariance
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, of_unit_sizes, process_variances
-from mcnav.systems.ins.linear.covariance import biased_processes, output_map, process_systems, transitions
+from mcnav.systems.ins.linear.covariance import biased_processes, output_map, process_systems
 from mcnav.systems.ins.linear.inertial_steps import InertialSteps
-from mcnav.systems.ins.linear.response import StepResponses, responses_between
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.linear.sensor_processes import SensorProcess, sensor_processes, white_variances
 from mcnav.systems.ins.linear.sizes import states_of_sizes
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
@@ -48,7 +48,7 @@ class AidedSystem:
     imu: Imu
     sensors: tuple[Sensor, ...]
     model: FilterModel
-    responses: StepResponses
+    responses: Responses
     measurements: Measurements
     filter: FilterTables
     first_updates: IndexArray
@@ -155,7 +155,9 @@ class AidedSystem:
         disturbances[:, :, NAVIGATION : NAVIGATION + measured.swings.shape[2]] = measured.swings
         disturbances[:, :, len(CONSTANTS) : -1] = measured.constants
         disturbances[:, :, -1] = -measured.faults
-        return Updates(measured.sizes, responses * within, disturbances * within)
+        responses *= within
+        disturbances *= within
+        return Updates(measured.sizes, responses, disturbances)
 
     @property
     def _filter(self) -> TimelineFilter:
@@ -170,8 +172,7 @@ class AidedSystem:
     def _filter_steps(self, first: int, last: int) -> FilterSteps:
         tables, states = self.filter, NAVIGATION + np.arange(self._others)
         over = np.zeros((last - first, NAVIGATION + self._others, NAVIGATION + self._others))
-        over[:, :NAVIGATION, :NAVIGATION] = transitions(responses_between(self.responses, first, last))
-        over[:, :NAVIGATION, NAVIGATION:] = tables.coupling[first:last]
+        over[:, :NAVIGATION] = tables.transitions[first:last]
         over[:, states, states] = tables.decay[first:last]
         return FilterSteps(over, self._believed_noise(first, last))
 
@@ -179,7 +180,7 @@ class AidedSystem:
     def _believed_processes(self) -> tuple[str, ...]:
         """Names of the processes of the filter's noise: white ones, and biases that are states."""
         beliefs, modelled = self.model.beliefs, {name for names in self.filter.processes for name in names}
-        biased = biased_processes(responses_between(self.filter.believed, 0, 1), beliefs.imu)
+        biased = biased_processes(self.filter.believed.between(0, 1), beliefs.imu)
         white = set(process_variances(beliefs.imu)) - set(biased)
         return tuple(sorted(white | modelled))
 
@@ -188,7 +189,7 @@ class AidedSystem:
         noise, times = dict[str, StepNoise](), self.responses.times
         place_of = {name: place for place, names in enumerate(self.filter.processes, NAVIGATION) for name in names[:1]}
         imu = of_unit_sizes(self.model.beliefs.imu)
-        for name, (_, added, _) in process_systems(responses_between(self.filter.believed, first, last), imu).items():
+        for name, (_, added, _) in process_systems(self.filter.believed.between(first, last), imu).items():
             if name in self._believed_processes:
                 rows = np.arange(NAVIGATION + 1)
                 used = np.asarray(np.diagonal(added, axis1=1, axis2=2).any(axis=0))

@@ -15,7 +15,7 @@ from mcnav.systems.ins.filter.model import FilterModel
 from mcnav.systems.ins.filter.tables import FilterTables, tabulate_filter
 from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.linear.aided_timeline import AidedSystem
-from mcnav.systems.ins.linear.response import StepResponses, respond
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.measurements import Measurements, measure
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
@@ -54,7 +54,7 @@ class ClosedLoop:
     imu: Imu
     sensors: tuple[Sensor, ...]
     model: FilterModel
-    responses: StepResponses
+    responses: Responses
     measurements: Measurements
     filter: FilterTables
     first_updates: IndexArray
@@ -93,7 +93,7 @@ class ClosedLoop:
 
 def close_loop(
     truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel,
-    respond: Callable[[Truth, Platform, Array, Imu], StepResponses] = respond,
+    respond: Callable[[Truth, Platform, Array, Imu], Responses] = Responses, measurements: Measurements | None = None,
 ) -> ClosedLoop:  # fmt: skip
     """Tabulate an aided navigator along the truth.
 
@@ -102,10 +102,12 @@ def close_loop(
     times : ndarray, shape (K + 1,)
         Rising, with all instants of the sensors among them; the first is the start of navigation.
     respond : callable
-        Computes the responses over the steps.
+        Returns the responses over the steps.
+    measurements : Measurements, optional
+        Of the sensors, where they are known.
     """
     responses = respond(truth, platform, times, imu)
-    measurements = measure(truth, platform, float(times[0]), sensors)
+    measurements = measure(truth, platform, float(times[0]), sensors) if measurements is None else measurements
     tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
     first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
     return ClosedLoop(truth, platform, imu, sensors, model, responses, measurements, tables, first)

@@ -20,11 +20,11 @@ from mcnav.systems.ins.linear.covariance import (
     output_map,
 )
 from mcnav.systems.ins.linear.inertial_steps import InertialSteps
-from mcnav.systems.ins.linear.response import StepResponses, respond
+from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
-def free_timeline(truth: Truth, responses: StepResponses, imu: Imu) -> Timeline:
+def free_timeline(truth: Truth, responses: Responses, imu: Imu) -> Timeline:
     """Return the timeline of an unaided navigator on the grid of its responses; it may start at any of their times."""
     inertial = InertialSteps.of(responses, imu, len(CONSTANTS), NAVIGATION)
     started, times = inertial.started, responses.times
@@ -44,7 +44,7 @@ def free_timeline(truth: Truth, responses: StepResponses, imu: Imu) -> Timeline:
     )  # fmt: skip
 
 
-def free_errors(truth: Truth, responses: StepResponses, imu: Imu, epochs: IndexArray) -> LinearErrors:
+def free_errors(truth: Truth, responses: Responses, imu: Imu, epochs: IndexArray) -> LinearErrors:
     """Compute the linear system of an unaided navigator at times of the grid, by their numbers, shape (m,)."""
     timeline = free_timeline(truth, responses, imu)
     read = propagate(timeline, None, epochs)
@@ -61,5 +61,5 @@ def free_starts(truth: Truth, platform: Platform, starts: Array, end: float, imu
         In the trajectory's time, s; all before the end.
     """
     grid = np.append(np.unique(starts), end)
-    timeline = free_timeline(truth, respond(truth, platform, grid, imu), imu)
+    timeline = free_timeline(truth, Responses(truth, platform, grid, imu), imu)
     return start_times(timeline, timeline.end, timeline.readout(timeline.end, end), timeline.positions(starts))

@@ -101,7 +101,7 @@ def respond_to_gravity(truth: Truth, times: Array, gravity: GravityDisturbance) 
     )  # fmt: skip
     if not count:
         return responses
-    fastest = float(np.max(speed(truth, truth.times), initial=1e-3))
+    fastest = max(truth.fastest, 1e-3)
     bounds = intervals_of(truth, times, min(LONGEST_INTERVAL, SHARE_OF_CORRELATION * float(lengths.min()) / fastest))
     durations = np.diff(bounds)
     nodes = np.stack([bounds[:-1] + NODE * durations, bounds[1:] - NODE * durations], axis=1).ravel()

@@ -12,7 +12,7 @@ from mcnav.contract.timeline import StepNoise, Steps
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, of_unit_sizes
 from mcnav.systems.ins.linear.covariance import constant_inputs, process_systems, transitions
-from mcnav.systems.ins.linear.response import StepResponses, responses_between
+from mcnav.systems.ins.linear.response_blocks import Responses
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,14 @@ class InertialSteps:
         State that is the first bias.
     """
 
-    responses: StepResponses
+    responses: Responses
     imu: Imu
     states: int
     sources: int
     first_bias: int
 
     @classmethod
-    def of(cls, responses: StepResponses, imu: Imu, sources: int, first_bias: int, after: int = 0) -> InertialSteps:
+    def of(cls, responses: Responses, imu: Imu, sources: int, first_bias: int, after: int = 0) -> InertialSteps:
         """Return those of a timeline with other states before the biases, and a number of them after."""
         named = cls(responses, imu, 0, sources, first_bias)
         return replace(named, states=first_bias + len(named.biases) + after)
@@ -50,7 +50,7 @@ class InertialSteps:
     @cached_property
     def variances(self) -> dict[str, float | None]:
         """Variance of each process's bias at the start; none of a process without one."""
-        systems = process_systems(responses_between(self.responses, 0, 1), self._unit)
+        systems = process_systems(self.responses.between(0, 1), self._unit)
         return {name: float(variance) if response.any() else None for name, (response, _, variance) in systems.items()}
 
     @cached_property
@@ -70,7 +70,7 @@ class InertialSteps:
 
     def between(self, first: int, last: int) -> Steps:
         """Return steps by their numbers."""
-        responses, count = responses_between(self.responses, first, last), last - first
+        responses, count = self.responses.between(first, last), last - first
         over, inputs = np.zeros((count, self.states, self.states)), np.zeros((count, self.states, self.sources + 1))
         places = np.arange(NAVIGATION, self.states)
         over[:, :NAVIGATION, :NAVIGATION], over[:, places, places] = transitions(responses), 1.0

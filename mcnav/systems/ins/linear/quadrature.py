@@ -28,15 +28,15 @@ AHEAD: Final = ((0.25, 0.25 + float(np.sqrt(3.0) / 6.0)), (0.25 - float(np.sqrt(
 
 def intervals_of(truth: Truth, times: Array, longest: float) -> Array:
     """Return the boundaries of intervals, at most so long, in which the truth is smooth: all times are among them."""
-    inside = truth.times[(truth.times > times[0]) & (truth.times < times[-1])]
-    knots = np.union1d(times, inside)
+    first, last = np.searchsorted(truth.times, times[0], side="right"), np.searchsorted(truth.times, times[-1])
+    knots = np.union1d(times, truth.times[first:last])
     gaps = np.diff(knots)
     knots = knots[np.concatenate([[True], gaps > 1e-9]) | np.isin(knots, times)]
     gaps = np.diff(knots)
     pieces = np.maximum(1, np.ceil(gaps / longest - 1e-9)).astype(np.int64)
-    first = np.repeat(knots[:-1], pieces)
-    within = np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    return np.append(first + within * np.repeat(gaps / pieces, pieces), knots[-1])
+    begins = np.repeat(knots[:-1], pieces)
+    within = np.arange(len(begins)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    return np.append(begins + within * np.repeat(gaps / pieces, pieces), knots[-1])
 
 
 @allocation_free_part

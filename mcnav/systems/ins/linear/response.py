@@ -21,6 +21,7 @@ so that n and m drive them like white noise of density Q^2 times the interval be
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -103,16 +104,23 @@ class StepResponses(NamedTuple):
     gravity: GravityResponses
 
 
-def respond(truth: Truth, platform: Platform, times: Array, imu: Imu) -> StepResponses:
-    """Compute the responses over the steps between rising times, of which the first is the start of navigation."""
+def respond(truth: Truth, platform: Platform, times: Array, imu: Imu, start: float | None = None) -> StepResponses:
+    """Compute the responses over the steps between rising times.
+
+    Parameters
+    ----------
+    start : float, optional
+        Of navigation, s; none where that is the first of the times.
+    """
+    start = float(times[0]) if start is None else start
     constants = np.array([imu.gyro.correlation_time, imu.accelerometer.correlation_time])
     longest = min(LONGEST_INTERVAL, SHARE_OF_CORRELATION * float(constants.min()))
     bounds = intervals_of(truth, times, longest)
     lengths = np.diff(bounds)
     nodes = np.stack([bounds[:-1] + NODE * lengths, bounds[1:] - NODE * lengths], axis=1)
-    states = truth.states(nodes.ravel(), platform, float(times[0]))
+    states = truth.states(nodes.ravel(), platform, start)
     gradient = truth.earth.gravity_gradient(0.5 * (states.position[0::2] + states.position[1::2]))
-    at_times = truth.states(times, platform, float(times[0]))
+    at_times = truth.states(times, platform, start)
     responses = _rooms_for(times, at_times.axes, respond_to_gravity(truth, times, imu.gravity))
     quadrature = _Quadrature(
         np.searchsorted(bounds, times), lengths, states.axes.reshape(-1, 2, 3, 3), states.force.reshape(-1, 2, 3),
@@ -131,6 +139,16 @@ def responses_between(responses: StepResponses, first: int, last: int) -> StepRe
     of_gravity = GravityResponses._make(table[first:last] for table in gravity)
     of_steps = (table[first:last] for table in tables)
     return StepResponses._make((times[first : last + 1], *of_steps, axes[first : last + 1], of_gravity))
+
+
+def join_responses(blocks: Sequence[StepResponses]) -> StepResponses:
+    """Return the responses over the steps of blocks that follow one another."""
+    if len(blocks) == 1:
+        return blocks[0]
+    times, *tables, axes, gravity = zip(*blocks, strict=True)
+    of_times, of_axes = (np.concatenate([each[0], *(more[1:] for more in each[1:])]) for each in (times, axes))
+    of_gravity = GravityResponses._make(np.concatenate(table) for table in zip(*gravity, strict=True))
+    return StepResponses._make((of_times, *map(np.concatenate, tables), of_axes, of_gravity))
 
 
 def _rooms_for(times: Array, axes: Array, gravity: GravityResponses) -> StepResponses:

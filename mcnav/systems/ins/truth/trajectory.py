@@ -126,6 +126,11 @@ class Truth:
         """Compute earth-fixed positions, m, and velocities over the earth, m/s, each of shape (n, 3)."""
         return np.asarray(self.position(time)), np.asarray(self.position(time, 1))
 
+    @cached_property
+    def fastest(self) -> float:
+        """Largest speed over the earth at the rows, m/s."""
+        return float(np.linalg.norm(self.earth_fixed(self.times)[1], axis=1).max())
+
     def geodetic(self, time: Array) -> Array:
         """Compute latitude, longitude (rad) and altitude (m), shape (n, 3)."""
         return self.earth.to_geodetic(np.asarray(self.position(time)))

@@ -9,6 +9,7 @@ import numpy as np
 from mcnav.report.columns.share_table import each_cause, share_tables, together
 from mcnav.report.document import formulas
 from mcnav.report.document.parts import Folded, Part, Section, Sentence, headed, joined
+from mcnav.report.document.table import row_limit
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures.sources import contributors
 from mcnav.report.pages.run.sections.simulated_budget import simulated_budget
@@ -32,19 +33,21 @@ def _tables(content: RunAnalysis) -> list[Part]:
     sources = list(zip(*shown, content.source_units, strict=True))
     listed = [*((sigmas > 0.0) | (model.mean != 0.0)).tolist(), *(True for _ in model.processes)]
     every, parts = each_cause(budget, caused, content.cause_names, sources, listed), contributors(content)
-    grouped = "; of several causes the root sum square" if any(len(each.members) > 1 for each in parts) else ""
+    grouped = "; of several causes the root sum square" if any(len(part.members) > 1 for part in parts) else ""
     effect = "effect at the end" if content.several_kinds else content.ends.one
     foremost = share_tables(
         f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",
         "Cause", outputs, together(budget, caused, parts), cross_terms,
     )  # fmt: skip
+    limit = row_limit(len(outputs))
+    left_out = f" The {len(every) - limit:,} with the smallest mean share are in summary.json." * (len(every) > limit)
     whole = share_tables(
-        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each cause alone.",
-        "Cause", outputs, every, cross_terms, sigmas=True, means=bool(np.any(model.mean)),
+        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each cause alone.{left_out}",
+        "Cause", outputs, every[:limit], cross_terms, sigmas=True, means=bool(np.any(model.mean)),
     )  # fmt: skip
     if content.looped:
         foremost = [Folded(f"Shares of all {len(outputs)} outputs", foremost)]
-    return [*foremost, Folded(f"All {len(every)} causes", whole)]
+    return [*foremost, Folded(f"{limit} of {len(every)} causes" if left_out else f"All {len(every)} causes", whole)]
 
 
 def _definition() -> Folded:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
 
 from markupsafe import Markup
 
 from mcnav.analysis.multivariate import CorrelationDifference, MultivariateTests
-from mcnav.analysis.summary import HigherOrder
-from mcnav.report.columns.joint_columns import directions_table, ellipsoids_table, tests_table
+from mcnav.analysis.summary import HigherOrder, Summary
+from mcnav.report.columns.joint_columns import DirectionRow, directions_table, ellipsoids_table, tests_table
 from mcnav.report.document import formulas
 from mcnav.report.document.parts import Folded, Lines, Note, Part, Section, Sentence, headed, joined
 from mcnav.report.document.table import STRONG, Cell, Column, Table
@@ -20,9 +20,6 @@ from mcnav.report.format import fixed, number, with_error
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.joint import combination_words, direction_of
 from mcnav.statistics.estimates import Estimate
-
-MOST_PAIRS: Final = 300
-"""Pairs of outputs that a page shows at most."""
 
 
 @dataclass(frozen=True)
@@ -120,13 +117,19 @@ def _details(content: RunAnalysis, tests: MultivariateTests) -> list[Part]:
     few = Note("Other tests require more samples, or a design with independent samples.")
     parts: list[Part] = [
         Folded("Tests of all outputs together", joined(tests_table(summary).read, None if tests.covariance else few)),
-        Folded("Principal directions of the difference", [directions_table(summary).read]),
+        Folded("Principal directions of the difference", [_directions(summary)]),
     ]
     if tests.contained:
         parts.append(Folded("Share of samples within the linear ellipsoids", [ellipsoids_table(summary).read]))
     if tests.correlations:
         parts.append(Folded("Correlations and their differences", [_correlations(content, tests)]))
     return [*parts, Folded("Skewness and kurtosis of each output", [_shapes(content, tests)])]
+
+
+def _directions(summary: Summary) -> Table[DirectionRow]:
+    table: Table[DirectionRow] = directions_table(summary).read
+    return table.foremost(lambda row: abs(math.log(row.ratio)) if row.ratio > 0.0 else math.inf, "combinations",
+                          "those whose sigma ratio is farthest from one")  # fmt: skip
 
 
 def _correlations(content: RunAnalysis, tests: MultivariateTests) -> Table[CorrelationDifference]:
@@ -137,13 +140,8 @@ def _correlations(content: RunAnalysis, tests: MultivariateTests) -> Table[Corre
         Column("Paired", lambda row: fixed(row.paired, 5)),
         Column("Difference", lambda row: _with_reach(content, row.difference)),
     ]
-    caption, rows = "Correlations: linear, paired estimate, and their difference.", tests.correlations
-    if len(rows) > MOST_PAIRS:
-        caption += (
-            f" Of {len(rows):,} pairs the {MOST_PAIRS} that differ most, in standard errors; summary.json has all."
-        )
-        rows = tuple(sorted(rows, key=_significance, reverse=True)[:MOST_PAIRS])
-    return Table(caption, columns, rows)
+    table = Table("Correlations: linear, paired estimate, and their difference.", columns, tests.correlations)
+    return table.foremost(_significance, "pairs", "those that differ most, in standard errors")
 
 
 def _significance(row: CorrelationDifference) -> float:

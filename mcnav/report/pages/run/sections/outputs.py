@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from mcnav.arrays.types import Array
 from mcnav.report.columns.output_columns import outputs_table
-from mcnav.report.columns.percentiles import percentiles_table, with_most_different
+from mcnav.report.columns.percentiles import percentiles_table, prominence
 from mcnav.report.columns.requirements import allowed_by_requirement, requirements_table
 from mcnav.report.columns.vector_sizes import sizes_table
 from mcnav.report.document import formulas
@@ -37,7 +37,9 @@ ESTIMATES: Final = (
 def dispersion_section(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Section:
     """Arrange the distributions of single outputs, their quantiles, and the largest errors."""
     farthest = _farthest_table(content)
-    percentiles = with_most_different(percentiles_table(content.summary, "shown", *_levels(content)).read)
+    percentiles = percentiles_table(content.summary, "shown", *_levels(content)).read.foremost(
+        prominence, "quantiles", "first those that differ, then those farthest from linear analysis"
+    )
     sizes = sizes_table(content.summary, "shown", _levels(content)[0]).read if content.summary.sizes else None
     largest = "Farthest samples" if content.several_kinds else "Largest errors"
     return Section("dispersion", "Single outputs", [

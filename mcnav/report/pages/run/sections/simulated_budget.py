@@ -25,6 +25,9 @@ NEGLIGIBLE: Final = 1e-3
 MOST_ROWS: Final = 1_000
 """Rows of the tables of all outputs, about; of more, those of the largest shares of each output are shown."""
 
+FEWEST: Final = 3
+"""Sources of an output that are shown however many outputs there are."""
+
 INTERACTION: Final = 0.01
 """Excess of a total over a first-order Sobol index that counts as an interaction."""
 
@@ -45,7 +48,7 @@ def simulated_budget(content: RunAnalysis) -> list[Part]:
         return [heading, Note(f"The simulations of single sources are not available: {alone['failed']}.")]
     variances = np.diag(content.comparison.covariance_linear)
     active = np.flatnonzero(np.diag(content.model.covariance) > 0.0)
-    least, most = (NEGLIGIBLE, max(SHOWN, MOST_ROWS // len(variances))) if len(active) > SHOWN else (0.0, SHOWN)
+    least, most = (NEGLIGIBLE, max(FEWEST, MOST_ROWS // len(variances))) if len(active) > SHOWN else (0.0, SHOWN)
     tables, largest = [], _largest_shares(content, sobol)
     for i in np.flatnonzero(variances > 0.0).tolist():
         ranked = active[np.argsort(-content.budget.shares[i, active], kind="stable")].tolist()
