@@ -331,8 +331,8 @@ def filters(
 ) -> None:
     """Compare kinds of filters by Monte Carlo.
 
-    Each kind has the same samples and noise, by the reference engine; the verdict on each, its NEES, sigmas and cost
-    are a table. With --vary it is asked from which value on each is optimistic.
+    Each kind has the same initial and sensor errors, and all but ukf the same noise; the verdict on each, its NEES,
+    sigmas and cost are a table. With --vary it is asked from which value on each is optimistic.
 
     Example: mcnav filters campaigns/32_alignment_in_motion.toml --vary errors.heading="3, 10, 30 deg"
     """
