@@ -23,6 +23,7 @@ def running(command: Sequence[object], **options: Any) -> Iterator[subprocess.Po
     Output and errors are text pipes unless the options of `subprocess.Popen` replace them.
     """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    pipes["encoding"] = (options.get("env") or os.environ).get("PYTHONIOENCODING") or None
     with subprocess.Popen([*map(str, command)], start_new_session=True, **(pipes | options)) as process:
         try:
             yield process

@@ -108,8 +108,17 @@ class Examination:
     @property
     def decided(self) -> bool:
         """Return whether every verdict says something."""
-        verdicts = [output.verdict for output in self.outputs] + ([self.joint.verdict] if self.joint else [])
-        return Linearity.UNKNOWN not in verdicts
+        return Linearity.UNKNOWN not in self.verdicts
+
+    @property
+    def holds(self) -> bool:
+        """Return whether linear analysis holds for each output and for all together."""
+        return set(self.verdicts) <= {Linearity.HOLDS}
+
+    @property
+    def verdicts(self) -> list[Linearity]:
+        """The verdicts on the outputs, and on all together."""
+        return [output.verdict for output in self.outputs] + ([self.joint.verdict] if self.joint else [])
 
     def verdict_on(self, outputs: Sequence[int]) -> Linearity:
         """Return the verdict on some outputs, each alone."""

@@ -71,8 +71,8 @@ def tails(
     """
     picked, remark = independent_samples(blocks)
     pairs = pairs_in_one_unit(model, units)
-    wanted: list[tuple[tuple[int, ...], tuple[float, ...]]]
-    wanted = [((i,), PROBABILITIES) for i in _dispersed_outputs(model)]
+    wanted = list[tuple[tuple[int, ...], tuple[float, ...]]]()
+    wanted += [((i,), PROBABILITIES) for i in _dispersed_outputs(model)]
     wanted += [(pair, (0.5,)) for pair in pairs if len(pairs) <= MOST_PAIRS]
     linear = _linear_quantiles(model, [(outputs, each) for outputs, several in wanted for each in several])
     sure = 1.0 - 0.5 * (1.0 - confidence_of_each(criterion.confidence, criterion.looks)) / max(len(linear), 1)

@@ -87,7 +87,7 @@ def lincov(
         tables = exported(result)
         print_rows(form, tables["sigmas"], tables)
         return
-    out.print(printed(terminal(result)))
+    out.print(printed(terminal(result)), soft_wrap=False)
     out.print()
     print_written(files)
     print_next(next_command.after_lincov(campaign, result))
@@ -192,7 +192,7 @@ def judge(
             raise failure("--errors: does not go with a campaign; leave one of them out", BAD_INPUT)
         target = output_folder(folder, Path("reports") / f"{errors.stem}_judge")
         verdicts, files = write_error_judgement(errors, target)
-        out.print(printed(judged_errors.terminal(verdicts)))
+        out.print(printed(judged_errors.terminal(verdicts)), soft_wrap=False)
     else:
         if campaign is None or imu is None:
             raise failure("mcnav judge needs CAMPAIGN and --imu FILE, or --errors TABLE", BAD_INPUT)
@@ -206,7 +206,7 @@ def judge(
         if content.ranges:
             print_notes(["judge compares the upper ends of ranges with the record: a smaller size may lie within them"])
         judgement, files = write_judgement(content, described, target, records)
-        out.print(printed(judged.terminal(judgement)))
+        out.print(printed(judged.terminal(judgement)), soft_wrap=False)
     out.print()
     print_written(files)
     print_next(next_command.after_judgement(campaign))
@@ -253,7 +253,7 @@ def allocate(
     if form != "table":
         print_rows(form, [vars(row) for row in tables.change_rows(result)], tables.table(result))
         return
-    out.print(printed(tables.terminal(result)))
+    out.print(printed(tables.terminal(result)), soft_wrap=False)
     out.print()
     print_written(files)
     print_next(next_command.after_allocation(campaign, result))
@@ -294,7 +294,7 @@ def tune(
         target = output_folder(folder, Path("reports") / f"{campaign.stem}_tune")
         result = find_beliefs(read_campaign(campaign), cost, confirm, samples, jobs, shown, examine)
         files = write_tuning(result, target)
-    out.print(printed(tables.terminal(result)))
+    out.print(printed(tables.terminal(result)), soft_wrap=False)
     if result.believes:
         out.print()
         out.print(tables.pasted(result), markup=False, highlight=False)
@@ -349,7 +349,7 @@ def filters(
     if form != "table":
         print_rows(form, tables.frame(result).to_dict("records"), {"filters": tables.table(result)})
         return
-    out.print(printed(tables.terminal(result)))
+    out.print(printed(tables.terminal(result)), soft_wrap=False)
     out.print()
     print_written(files)
     print_next(next_command.written("show", target / result.results[-1].folder))
@@ -415,7 +415,7 @@ def identify(
     units = columns_of(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
     report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
     if form == "table":
-        out.print(printed(terminal(report, full)))
+        out.print(printed(terminal(report, full)), soft_wrap=False)
     else:
         print_rows(form, [vars(row) for row in report.parameters], identification_table(report))
     if folder is not None:

@@ -278,7 +278,7 @@ def compare(
         if result is not None:
             console.print()
             parts = comparison.terminal(result.titles, result.manifests, result.rows, result.confidence)
-            console.print(printed(parts))
+            console.print(printed(parts), soft_wrap=False)
     if page is not None and result is not None:
         page.parent.mkdir(parents=True, exist_ok=True)
         write_whole(page, result.page.encode())
@@ -328,7 +328,7 @@ def replay(
     else:
         result = replaying.replay_failure(folder, fail, campaign)
     print_notes(result.notes)
-    out.print(printed(terminal(result)))
+    out.print(printed(terminal(result)), soft_wrap=False)
     out.print()
     print_written(replaying.write_replay(result, output_folder(into, folder)))
     print_next(next_command.written("show", folder))

@@ -280,7 +280,7 @@ def _describe_trajectory(file: Path, columns: dict[str, str], page: Path | None,
         rows = [vars(row) for row in described.fact_rows(result)]
         print_rows(form, rows, {"trajectory": rows})
     else:
-        out.print(printed(described.terminal(result)))
+        out.print(printed(described.terminal(result)), soft_wrap=False)
     if target is not None:
         print_written(write_texts(target.parent, {target.name: page_html(described.page(result))}))
     if form == "table":

@@ -138,7 +138,7 @@ def _show_sweep(
     if form != "table":
         print_rows(form, tables.frame(result).to_dict("records"), {"sweep": tables.table(result)})
         return
-    out.print(printed(terminal(result)))
+    out.print(printed(terminal(result)), soft_wrap=False)
     out.print()
     print_written(files)
     print_next(next_command.after_sweep(campaign, target, vary, against, confirm))
@@ -156,7 +156,7 @@ def _show_linearity(campaign: Path, folder: Path | None, tolerance: float | None
     target = output_folder(folder, Path("reports") / f"{campaign.stem}_linearity")
     with progress.shown(err) as shown:
         study, files = write_linearity(content, target, tolerance, samples, largest, shown)
-    out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)))
+    out.print(printed(terminal(content.scenario.outputs, study.together, study.tolerance)), soft_wrap=False)
     for sentence in remarks(content.scenario.outputs, study.noise, study.sizes_alone):
         out.print(sentence)
     out.print()

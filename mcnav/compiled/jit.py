@@ -33,6 +33,8 @@ from mcnav.compiled.numba_private import (
     give_entry,
     ignore_literals,
     keep_call_types,
+    keep_inlined,
+    keep_values,
     known_options,
     loop_options,
     number_at_random,
@@ -76,6 +78,8 @@ event.register("numba:compile", _Watch())
 choose_target()
 number_at_random()
 keep_call_types()
+keep_values()
+keep_inlined()
 
 TOLD: Final = "MCNAV_TOLD_THAT_CODE_CANNOT_BE_STORED"
 """Variable of the environment that a command's worker processes have from it: they do not say it again."""

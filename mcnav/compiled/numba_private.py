@@ -7,6 +7,7 @@ them is missing, all that it serves is done in a public way: slower, with the sa
 from __future__ import annotations
 
 import secrets
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
@@ -14,11 +15,14 @@ from typing import Any, Final
 
 import numba
 from numba import types
+from numba.core import ir
 from numba.core.cgutils import unpack_tuple
 from numba.extending import intrinsic
 
 NUMBERS: Final = "numbers"
 CALLS: Final = "calls"
+VALUES: Final = "values"
+INLINED: Final = "inlined"
 PARTS: Final = "parts"
 STORED: Final = "stored"
 LITERALS: Final = "literals"
@@ -31,6 +35,13 @@ PRIVATE: Final[Mapping[str, tuple[str, ...]]] = {
         "numba.core.types.functions.BaseFunction.get_call_type",
         "numba.core.types.functions.BaseFunction.get_impl_key",
     ),
+    VALUES: (
+        "numba.core.analysis.compute_cfg_from_blocks",
+        "numba.core.analysis.compute_use_defs",
+        "numba.core.analysis.must_use_alloca",
+        "numba.core.lowering.Lower._find_singly_assigned_variable",
+    ),
+    INLINED: ("numba.core.inline_closurecall.InlineWorker.run_untyped_passes",),
     PARTS: (
         "numba.core.codegen.JITCodeLibrary._finalize_dynamic_globals",
         "numba.core.codegen.JITCodeLibrary._finalize_final_module",
@@ -145,6 +156,62 @@ def keep_call_types() -> None:
         return signature
 
     base.get_call_type = call_type
+
+
+def keep_values() -> None:
+    """Let numba keep what is assigned once as a value wherever it is used, not in memory.
+
+    By itself it does so within one block of code. A tuple of a hundred arrays is otherwise written to memory, and read
+    whole in each block that uses one of them: the loop of aided samples then has 125,000 lines of LLVM, of which 74,000
+    are such reads, taken apart. Only functions that count no references are compiled so.
+    """
+    if not has(VALUES):
+        return
+    lower = find_name("numba.core.lowering.Lower")
+    find = lower._find_singly_assigned_variable
+
+    def find_values(self: Any) -> None:
+        find(self)
+        if not (getattr(self.context, "enable_nrt", True) or self.func_ir.func_id.is_generator):
+            self._singly_assigned_vars |= _values_beyond_blocks(self.func_ir.blocks)
+
+    lower._find_singly_assigned_variable = find_values
+
+
+def _values_beyond_blocks(blocks: Mapping[int, Any]) -> set[str]:
+    """Return variables that are assigned once, in a block that each block that uses them comes after on every way."""
+    graph, of_blocks, in_memory = (find_name(name)(blocks) for name in PRIVATE[VALUES][:3])
+    ways, assigned = graph.dominators(), Counter(
+        statement.target.name for block in blocks.values() for statement in block.find_insts(ir.Assign)
+    )  # fmt: skip
+    used = defaultdict(list)
+    for label, names in of_blocks.usemap.items():
+        for name in names:
+            used[name].append(label)
+    return {
+        name
+        for label, names in of_blocks.defmap.items()
+        for name in names - in_memory
+        # code of blocks is made in the order of their labels
+        if assigned[name] == 1 and all(user > label and label in ways[user] for user in used[name])
+    }
+
+
+def keep_inlined() -> None:
+    """Let numba read a function once that is inlined wherever it is called: its callers copy what was read."""
+    if not has(INLINED):
+        return
+    worker, options = find_name("numba.core.inline_closurecall.InlineWorker"), _Options()
+    read, kept = worker.run_untyped_passes, dict[Any, Any]()
+
+    def read_once(self: Any, function: Any, enable_ssa: bool = False) -> Any:
+        self.flags.enable_ssa = enable_ssa  # as numba does, also for the caller
+        key = function, options.number(self.flags)
+        if key not in kept:
+            kept[key] = read(self, function, enable_ssa)
+        return kept[key]
+
+    worker.run_untyped_passes = read_once
 
 
 @cache

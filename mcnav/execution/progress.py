@@ -95,8 +95,8 @@ class TooLong(Exception):
         self.seconds = seconds
 
 
-class NotCompiled(Exception):
-    """Raised where a function would have to be compiled and is not to be."""
+class NotCompiled(BaseException):
+    """Raised where a function would have to be compiled and is not to be; no failure of the sample that needs it."""
 
 
 COMPILATION: Final = Compilation()

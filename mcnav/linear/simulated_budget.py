@@ -72,14 +72,16 @@ def simulate_each_source_alone(
     without = VarianceTable(np.zeros(partials.shape), np.zeros(partials.shape))
     without.variance[:] = np.diag(propagated_covariance(partials, errors.covariance))[:, None]
     freedom = 0.0
+    linear_mean, linear = partials @ errors.mean, drawn @ partials.T
     for j in np.flatnonzero(errors.standard_deviations > 0.0):
+        by_source = np.multiply.outer(drawn[:, j] - errors.mean[j], partials[:, j])
         only = np.arange(partials.shape[1]) == j
-        for table, varied in ((alone, only), (without, ~only)):
+        for table, varied, known in ((alone, only, linear_mean + by_source), (without, ~only, linear - by_source)):
             some = np.where(varied, drawn, errors.mean)
             covariance = np.where(np.outer(varied, varied), errors.covariance, 0.0)
             expected = np.diag(propagated_covariance(partials, covariance))
-            simulated, linear = simulate_or_raise(propagate, some), some @ partials.T
-            mean = blocked_means(paired_squares(simulated, linear), blocks, sampling.fewest_blocks)
+            squares = paired_squares(simulate_or_raise(propagate, some), known)
+            mean = blocked_means(squares, blocks, sampling.fewest_blocks)
             table.variance[:, j] = expected + mean.values
             table.standard_error[:, j], freedom = mean.standard_errors, mean.degrees_of_freedom
     return SourceBudget(count, freedom, alone, without)

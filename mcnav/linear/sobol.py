@@ -65,7 +65,9 @@ def _exchanged(propagate: Propagate, a: Array, b: Array, active: IndexArray) -> 
     """Simulate both sets, shape (points, sources), and the first with each active source of the second."""
 
     def with_source(j: int) -> Array:
-        return np.where(np.arange(a.shape[1]) == j, b, a)
+        errors = a.copy()
+        errors[:, j] = b[:, j]
+        return errors
 
     sets, together = [*active.tolist()], max(AT_ONCE // len(a), 2)
     simulated = simulate_or_raise(propagate, np.concatenate([a, b, *map(with_source, sets[: together - 2])]))

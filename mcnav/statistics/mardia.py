@@ -45,13 +45,16 @@ def mardia(values: Array) -> Mardia | None:
     rank = own.rank
     if rank == 0 or count <= rank + 3:
         return None
-    thirds = np.zeros((rank, rank, rank))
+    thirds = [np.zeros((rank - a, rank - a)) for a in range(rank)]  # those of a <= b, c: they do not depend on order
     fourths = 0.0
     for stretch in stretches(count):
         white = own.matrix.T @ (values[stretch] - mean).T
-        thirds += [(white * row) @ white.T / count for row in white]
+        for a, of_first in enumerate(thirds):
+            of_first += (white[a:] * white[a]) @ white[a:].T
         fourths += float(np.sum(np.sum(white**2, axis=0) ** 2))
-    skewness, kurtosis = float(np.sum(np.square(thirds))), fourths / count
+    # of six orders of a < b < c two are kept, of three of a < b = c one, of three of a = b < c two, and a = b = c
+    squares = [3.0 * np.sum(of_first**2) - 3.0 * np.sum(of_first[0] ** 2) + of_first[0, 0] ** 2 for of_first in thirds]
+    skewness, kurtosis = float(sum(squares)) / count**2, fourths / count
     n, p = float(count), float(rank)
     small = (p + 1) * (n + 1) * (n + 3) / (n * ((n + 1) * (p + 1) - 6))
     freedom = p * (p + 1) * (p + 2) / 6

@@ -38,6 +38,7 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.execution import supervision
 from mcnav.execution.child_processes import is_worker
 from mcnav.execution.interrupts import interrupts
+from mcnav.execution.progress import NotCompiled
 from mcnav.execution.stopping import Stopped
 from mcnav.systems.timeouts import SampleTimeout
 
@@ -92,7 +93,7 @@ def call_user(function: Callable[Parameters, Result], *values: Parameters.args, 
 
 def _halts(failure: BaseException) -> bool:
     """Return whether an exception would end more than a sample, and the user's code has raised it."""
-    if isinstance(failure, (Exception, SampleTimeout, Stopped)):
+    if isinstance(failure, (Exception, SampleTimeout, Stopped, NotCompiled)):
         return False
     return not (isinstance(failure, KeyboardInterrupt) and _may_be_interrupted())
 

@@ -21,11 +21,16 @@ from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.progress import COMPILATION, NotCompiled
 from mcnav.report.pages.lincov import statements
+from mcnav.runner.draws import DrawPlan
 from mcnav.sampler.distributions import Normal, Uniform
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.studies import examine
 from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linear_answers import linear_covariance
+from mcnav.systems.guard import call_user
+from mcnav.systems.ins.aided import AidedNavigation
+from mcnav.systems.ins.ensemble.aided import AidedTables
+from mcnav.systems.sample_loop import simulate_each
 from mcnav.systems.user import kept
 from tests.commands import invoke
 from tests.scaled_errors import scaled_errors
@@ -168,6 +173,33 @@ def test_noise_alone() -> None:
     assert {output.verdict for output in answer.examination.outputs} == {"holds"}
 
 
+def test_steps_of_an_aided_navigator_are_halved_where_something_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The coarsest steps suffice for what holds; anything else is what the tested steps say, and they alone."""
+    probes, refined = list[int](), AidedNavigation.refined
+
+    def recorded(aided: AidedNavigation, samples: Array) -> tuple[AidedTables, float]:
+        probes.append(len(samples))
+        return refined(aided, samples)
+
+    monkeypatch.setattr(AidedNavigation, "refined", recorded)
+    campaign = read_campaign(CAMPAIGNS / "21_flight_with_an_altimeter.toml")
+    held = linear_covariance(campaign, examine=True).examination
+    assert held is not None
+    assert held.holds
+    assert probes == [0]
+    sizes = dict(zip(campaign.errors.names, campaign.errors.distributions, strict=True))
+    unknown = replace(campaign, errors=ErrorModel(campaign.errors.names, sizes | {"heading": Normal(0.5)}))
+    model = linear_covariance(unknown).model
+    examined = examine.examine_campaign(unknown, model)
+    assert isinstance(examined, Examination)
+    assert not examined.holds
+    first, tested = probes[1:]
+    assert (first, tested > 0) == (0, True)
+    draws = DrawPlan(unknown.errors, unknown.design, unknown.seed, unknown.samples)
+    engine = unknown.scenario.engine("ensemble", draws.probes())
+    assert examined.outputs == examine.examine_model(model, unknown.errors, engine, unknown.tolerance).outputs
+
+
 def test_a_failed_flight_is_no_answer() -> None:
     @dataclass(frozen=True)
     class Failing(Function):
@@ -271,6 +303,8 @@ def test_nothing_is_compiled_for_it_unless_it_is_asked_for() -> None:
     before = COMPILATION.functions
     with COMPILATION.refusing(), pytest.raises(NotCompiled):
         function(2.0)
+    with COMPILATION.refusing(), pytest.raises(NotCompiled):  # no failure of a sample
+        simulate_each(lambda row: np.full(1, call_user(function, float(row))), range(2), np.empty((2, 1)))
     assert (COMPILATION.begun, COMPILATION.functions) == (0, before)
     assert function(2.0) == 2.0 + number
 

@@ -21,6 +21,7 @@ from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.systems.ins.aided import AidedNavigation, AidedReferenceEngine
 from mcnav.systems.ins.earth import WGS84, local_axes
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
+from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.sensors.beams import beam_range, ground_scales
 from mcnav.systems.ins.sensors.magnetometer import POLE, dipole_field
@@ -257,7 +258,7 @@ def test_jitter_is_noise_that_is_common_to_a_measurement() -> None:
     timeline, measured = plain.timeline, plain.measurements
     assert timeline.filter is not None
     steps = timeline.filter.steps(0, len(plain.times) - 1)
-    noise, rows = plain.filter.noise, np.concatenate([measured.rows, plain.filter.rows], axis=2)
+    noise, rows = noise_matrices(plain.filter.noise), np.concatenate([measured.rows, plain.filter.rows], axis=2)
     covariance = plain.filter.initial
     for k in range(len(plain.times)):
         for u in range(plain.first_updates[k], plain.first_updates[k + 1]):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mcnav.arrays.types import Array
-from mcnav.systems.ins.ensemble.adjoint import Adjoint
+from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_closed
 from mcnav.systems.ins.ensemble.aided import GivenNoise, simulate_aided
 from mcnav.systems.ins.imu.instruments import CONSTANTS, GYRO
+from mcnav.systems.ins.linear.response_blocks import BLOCK
 from tests.cross.test_ins_aided import NEGLECTED, SIGMAS, draw, engine, scenario
 
 ROUNDING = 1e-11
@@ -39,7 +40,9 @@ def test_partials_of_a_closed_loop(sensors: tuple[str, ...]) -> None:
     tables, of = engine(sensors=sensors).tables, scenario(sensors)
     shared, measured = tables.ensemble, tables.loop.measurements
     # a constant error of a sensor adds to the innovation what a measurement's error takes from it
-    found = partials(tables.adjoint, shared.inputs, shared.start_map, -measured.constants, -measured.swings)
+    found = partials(
+        tables.adjoint, shared.inputs(np.arange(30)), shared.start_map, -measured.constants, -measured.swings
+    )
     expected = of.linear_over_time(2).partials[-1]
     assert found.shape == expected.shape
     sizes = draw(1, {**SIGMAS, **NEGLECTED}, 1, of)[0] != 0.0
@@ -49,17 +52,33 @@ def test_partials_of_a_closed_loop(sensors: tuple[str, ...]) -> None:
                                rtol=0.0, atol=ROUNDING)  # fmt: skip
 
 
+@pytest.mark.parametrize("block", [1, 7])
+def test_blocks_have_the_bits_of_the_whole(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of steps and updates, to the last epoch and to one before it, which begins a block or is within one."""
+    tables = engine(sensors=ALL).tables
+    loop, gains, maps = tables.loop, tables.shared.gains, tables.ensemble.output_maps
+    times = (len(loop.times) - 1, 28, 24)
+    whole = [adjoint_of_closed(loop, gains, last, maps[-1]) for last in times]
+    assert len(loop.times) - 1 < BLOCK
+    monkeypatch.setattr("mcnav.systems.ins.ensemble.adjoint.BLOCK", block)
+    for last, expected in zip(times, whole, strict=True):
+        found = adjoint_of_closed(loop, gains, last, maps[-1])
+        for name in ("start", "steps", "updates"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+
+
 def test_partials_of_a_free_navigator() -> None:
     """As the covariance propagates them forwards: with the gyros' errors alone, which reach all outputs."""
     tables = engine().tables
     shared = tables.ensemble
-    found = partials(shared.adjoint, shared.inputs, shared.start_map, np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
+    inputs = shared.inputs(np.arange(30))
+    found = partials(shared.adjoint, inputs, shared.start_map, np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
     y = np.zeros((9, len(CONSTANTS)))
     y[:, :9] = shared.start_map
     for k in range(len(shared.durations)):
         following = y.copy()
         following[3:] = shared.motion[k] @ y
-        following[:, 9:] += shared.inputs[k].T
+        following[:, 9:] += inputs[k].T
         y = following
     expected = shared.output_maps[-1] @ y
     scale = np.abs(expected[:, : 9 + len(GYRO)]).max(axis=0)

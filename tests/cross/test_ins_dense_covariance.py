@@ -244,7 +244,7 @@ def test_a_rate_random_walk_on_a_lever_arm_acts_as_the_bias_that_it_is() -> None
     errors[0, CONSTANTS.index("gyro_bias_z")] = jump
     steps, width = tables.ensemble.factors.shape[:2]
     added = np.zeros((2, steps, width))
-    added[1, 0, :9] = jump * tables.ensemble.inputs[0, GYRO.index("gyro_bias_z")]
+    added[1, 0, :9] = jump * tables.ensemble.inputs(np.array([GYRO.index("gyro_bias_z")]))[0, 0]
     added[1, 0, 9 + walks] = jump
     given = GivenNoise(added, np.zeros((2, *tables.white.shape)))
     found = simulate_aided(tables, errors, 0, np.arange(2), True, given)

@@ -10,6 +10,7 @@ from scipy import stats
 
 from mcnav.arrays.types import Array
 from mcnav.contract.samples import Batch
+from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.imu.instruments import Imu, Noise
 from mcnav.systems.ins.linear.aided_errors import propagate_closed_loop, smooth_closed_loop
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
@@ -51,7 +52,7 @@ def whole(loop: ClosedLoop) -> tuple[list[Array], list[Array]]:
         f = np.diag(np.concatenate([np.ones(9), tables.decay[k]]))
         f[:9] = transition
         over.append(f)
-    return over, list(tables.noise)
+    return over, list(noise_matrices(tables.noise))
 
 
 def rauch_tung_striebel(loop: ClosedLoop, last: int) -> list[Array]:

@@ -32,7 +32,7 @@ def printed(parts: Sequence[Part]) -> RenderableType:
             case Table():
                 lines += ["", fitted(part)] if lines else [fitted(part)]
             case Lines():
-                lines += ["", Text(part.text.rstrip())]
+                lines += ["", Text(part.text.rstrip(), no_wrap=True, overflow="ignore")]
             case _:
                 pass
     return Group(*lines)

@@ -19,10 +19,9 @@ from mcnav.physics.units import conversion
 from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table, counted, five_digits
 from mcnav.report.drawing.figure import HALF, Figure
-from mcnav.report.drawing.marks import Axis, Mark, Panel, Rule, Series
-from mcnav.report.drawing.palette import FLOWN, LINEAR
+from mcnav.report.drawing.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
+from mcnav.report.drawing.palette import FLOWN, INK
 from mcnav.report.figures import comparisons
-from mcnav.report.figures.agreement import forest
 from mcnav.report.format import interval, number, rounded, with_error
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.pages.screen import RESULTS, answered
@@ -185,20 +184,24 @@ def ratios(rows: Sequence[Row], titles: Sequence[str]) -> Figure | None:
     }
     names = list(dict.fromkeys(row.output for row, _ in known))
 
-    marks: list[Mark] = [Rule(0.0, colour=LINEAR, width=1.6)]
+    marks: list[Mark] = [Rule(1.0, colour=INK)]
     for row, change in known:
         step = later.index(row.run) - 0.5 * (len(later) - 1)
         place = names.index(row.output) + 0.7 * step / max(len(later), 2)
-        marks += forest(series[row.run], [place], [(change.ratio, *change.interval)], [humanize(row.output)])
+        low, high = change.interval
+        text = f"{humanize(row.output)}, {titles[row.run]}: {rounded(change.ratio)} ({rounded(low)} to {rounded(high)})"
+        marks += [
+            Interval(series[row.run], place, low, high, text),
+            Points(series[row.run], [change.ratio], [place], 7.5, texts=[text]),
+        ]
     shown = {row.output: f"{humanize(row.output)}{' (rms)' if row.known.about_zero else ''}" for row, _ in known}
     rows_axis = Axis(names=[shown[name] for name in names])
     measure = "σ" if not any(row.known.about_zero for row, _ in known) else "σ or rms"
     return Figure(
         name="changes",
         title="Sigma of each output relative to the first run",
-        description="Difference of the Monte Carlo sigma of each output and run from that of the first run, with its "
-        "interval.",
-        panels=[Panel("", Axis(f"difference of {measure} from the first run", "%"), rows_axis, marks)],
+        description="Monte Carlo sigma of each output and run over that of the first run, with its interval.",
+        panels=[Panel("", Axis(f"{measure} / {measure} of the first run", log=True), rows_axis, marks)],
         key=tuple(series.values()),
         columns=dict(outputs([row for row, _ in known], titles).reset_index().items()),
         size=(HALF[0], 82.0 + 24.0 * len(names) * (1 + len(later))),
@@ -264,6 +267,7 @@ def terminal(
     """List what the terminal shows: the inputs that differ, and the change of each output."""
     changed, words = input_table(titles, manifests), end_words(manifests[0].model.outputs)
     return [
+        *([_changed(titles, rows)] if rows else []),
         changed if changed.rows else Sentence(f"The runs have {SAME}."),
         change_table(titles, rows, confidence, words),
     ]

@@ -196,7 +196,8 @@ def _axes_words(names: Sequence[str]) -> str:
 def _head(report: IdentificationReport) -> list[Part]:
     """Say whether the models fit, and of what logs."""
     rejected = [axis.name for axis in report.axes if any(test.rejected for test in axis.goodness)]
-    logs = [f"{log.name}: {_length(log)}." for log in report.logs]
+    names = _names(report)
+    logs = [f"{names[log.name]}: {_length(log)}." for log in report.logs]
     if rejected:
         said = ["Treat the values of these axes as rough.", *logs]
         return [Verdict(f"The model does not fit the readings of {_axes_words(rejected)}.", "differs", said)]
@@ -210,6 +211,12 @@ def _grades_in_brief(report: IdentificationReport) -> Facts | None:
         for row in report.grades
     ]
     return Facts(rows, below=True) if rows else None
+
+
+def _names(report: IdentificationReport) -> dict[str, str]:
+    """Return the names of the logs without their folders, unless two would be the same."""
+    short = {log.name: log.name.rpartition("/")[2] for log in report.logs}
+    return short if len(set(short.values())) == len(short) else {name: name for name in short}
 
 
 def _length(log: LogFacts) -> str:
@@ -300,10 +307,10 @@ def _repeated(axis: AxisReport) -> str:
 
 def remarks(report: IdentificationReport) -> Iterator[str]:
     """List what was noticed of logs, readings and models."""
-    notes = dict[str, list[str]]()
+    notes, short = dict[str, list[str]](), _names(report)
     for log in report.logs:
         for note in log.notes:
-            notes.setdefault(note, []).append(log.name)
+            notes.setdefault(note, []).append(short[log.name])
     yield from (f"{', '.join(names)}: {note}" for note, names in notes.items())
     yield from report.notes
     yield from _all_departures(report)

@@ -122,8 +122,9 @@ class AidedNavigation:
 
     def _close(self, division: int) -> ClosedLoop:
         """Return the closed loop on a finer grid, of which samples take tables of their own once."""
-        once = partial(Responses, kept=0)
-        return close_loop(self.truth, self.platform, self.grid(division), self.imu, self.sensors, self.filter, once)
+        once, known = partial(Responses, kept=0), self.loop.measurements
+        grid = self.grid(division)
+        return close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter, once, known)
 
     def places(self, loop: ClosedLoop) -> IndexArray:
         """Return the numbers of the epochs in a loop's grid."""
@@ -206,8 +207,11 @@ class AidedNavigation:
         """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error.
 
         The tables of half the coarsest steps are computed in a thread beside what needs those of the coarsest ones.
+        Without a probe the coarsest steps are taken, and no error is known.
         """
         probes = probes[:PROBES]
+        if not len(probes):
+            return self.tables(1), float("nan")
         division, most = 1, MOST_STEPS // 2
         with side_threads(1) as beside:
             halved = beside.submit(self.tables, 2) if len(self.loop.times) - 1 <= most else None

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 import pytest
+from numba.core.lowering import Lower
 from numba.core.types.functions import BaseFunction
 from numba.extending import overload
 
@@ -34,6 +35,7 @@ def test_objects_have_what_is_used_of_them() -> None:
     (overloaded,) = dispatcher.overloads.values()
     assert all(hasattr(dispatcher, name) for name in ("_cache", "overloads"))
     assert all(hasattr(overloaded.library, name) for name in ("_codegen", "_finalized"))
+    assert hasattr(numba.core.registry.cpu_target.target_context, "enable_nrt")
     assert hasattr(numba.core.registry.cpu_target.typing_context.resolve_value_type(np.sqrt), "_impl_keys")
 
 
@@ -63,6 +65,15 @@ def test_without_a_name_its_purpose_is_served_otherwise(without: str) -> None:
     if purpose == numba_private.CALLS:
         numba_private.keep_call_types()
         assert BaseFunction.get_call_type is resolve
+    worker = numba.core.inline_closurecall.InlineWorker
+    if purpose == numba_private.VALUES:
+        find = Lower._find_singly_assigned_variable
+        numba_private.keep_values()
+        assert Lower._find_singly_assigned_variable is find
+    if purpose == numba_private.INLINED:
+        read = worker.run_untyped_passes
+        numba_private.keep_inlined()
+        assert worker.run_untyped_passes is read
     if purpose == numba_private.NUMBERS:
         numba_private.number_at_random()
         assert numba.core.bytecode.FunctionIdentity._unique_ids is numbers
@@ -115,6 +126,12 @@ def test_equal_options_have_one_number() -> None:
 
 
 @pytest.fixture
+def unstored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile, also what an earlier run of the tests has stored."""
+    monkeypatch.setattr(jit, "use_store", lambda *_: None)
+
+
+@pytest.fixture
 def resolved_calls() -> Iterator[list[str]]:
     """Count what numba resolves."""
     resolved: list[str] = []
@@ -131,6 +148,7 @@ def resolved_calls() -> Iterator[list[str]]:
     cell.cell_contents = resolve
 
 
+@pytest.mark.usefixtures("unstored")
 def test_a_call_is_resolved_once(resolved_calls: list[str]) -> None:
     @jit.compiled
     def polynomial(x: np.float32, y: np.int16) -> np.float32:
@@ -138,3 +156,66 @@ def test_a_call_is_resolved_once(resolved_calls: list[str]) -> None:
 
     assert polynomial(np.float32(2.0), np.int16(3)) == 24.0
     assert len(resolved_calls) == len(set(resolved_calls)) > 0
+
+
+class _Pair(NamedTuple):
+    one: np.ndarray
+    other: np.ndarray
+
+
+@pytest.mark.usefixtures("unstored")
+def test_what_is_assigned_once_is_not_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tuple that other blocks use is a value there; what changes on the way stays what Python makes of it."""
+    places: list[str] = []
+    alloca = Lower.alloca
+
+    def note(lower: Lower, name: str, kind: object) -> object:
+        places.append(name)
+        return alloca(lower, name, kind)
+
+    monkeypatch.setattr(Lower, "alloca", note)
+
+    @jit.allocation_free
+    def add_some(pair: _Pair, count: int) -> float:
+        same, total, last = pair, 0.0, -1.0
+        for i in range(count):
+            step = same.one[i]
+            if step > 1.0:
+                step = 2.0 * step
+                last = same.other[i]
+            total += step + last
+        return total + last
+
+    pair = _Pair(np.array([0.5, 1.5, 1.0, 4.0]), np.array([7.0, 3.0, 5.0, 2.0]))
+    for count in range(5):
+        assert add_some(pair, count) == add_some.py_func(pair, count)  # type: ignore[attr-defined]
+    assert {name.partition(".")[0] for name in places} & {"pair", "same", "last"} == {"last"}
+
+
+@pytest.mark.usefixtures("unstored")
+def test_an_inlined_function_is_read_once() -> None:
+    """For callers of the same options, whose copies are their own."""
+    read: list[str] = []
+
+    @jit.inlined
+    def double(x: float) -> float:
+        y = x
+        return y + y
+
+    @jit.compiled
+    def quadruple(x: float) -> float:
+        y = double(x)
+        return double(y) - 0.0 * y
+
+    @jit.compiled
+    def sextuple(x: float) -> float:
+        return double(x) + double(double(x))
+
+    passes = numba.core.untyped_passes.ExtractByteCode
+    run = passes.run_pass
+    try:
+        passes.run_pass = lambda self, state: (read.append(state.func_id.func_name), run(self, state))[1]
+        assert (quadruple(1.5), sextuple(1.5)) == (6.0, 9.0)
+    finally:
+        passes.run_pass = run
+    assert read.count("double") == 1

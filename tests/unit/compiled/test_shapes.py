@@ -12,9 +12,10 @@ from mcnav.arrays.types import Array
 from mcnav.compiled.jit import allocation_free
 from mcnav.compiled.vectors import LANES, load, parts_of, room, store
 from mcnav.systems.ins.ensemble.adjoint import run_backwards
-from mcnav.systems.ins.ensemble.filter_system import StepNoise, Steps, Updates
+from mcnav.systems.ins.ensemble.filter_system import Steps, Updates
 from mcnav.systems.ins.ensemble.free import simulate, simulate_given
 from mcnav.systems.ins.ensemble.gains import ReadingTimes, design_gains
+from mcnav.systems.ins.filter.tables import StepNoise
 from mcnav.systems.reentry.ensemble.history_kernel import simulate_histories as reentry_histories
 from mcnav.systems.reentry.ensemble.kernel import simulate_ensemble as reentry_ensemble
 from mcnav.systems.steady.ensemble import simulate_histories as steady_histories

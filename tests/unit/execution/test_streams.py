@@ -96,7 +96,7 @@ def test_commands_end_well_in_the_encoding_of_windows(tmp_path: Path) -> None:
 def test_a_c_locale_writes_ascii_and_refuses_names_that_it_cannot_write(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(CAMPAIGN, encoding="utf-8")
     (tmp_path / "Käse.toml").write_text(CAMPAIGN, encoding="utf-8")
-    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": ""}
     done = mcnav("lincov", "mine.toml", cwd=tmp_path, **plain)
     assert done.returncode == 0, done.stderr
     assert done.stdout.isascii()

@@ -48,7 +48,7 @@ def test_numbers_that_are_not_finite_are_refused_on_request(value: object) -> No
 def test_a_file_is_on_the_disk_with_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """First the content, then the folder that names it; a folder that cannot be synced is no failure, a disk is one."""
     synced: list[bool] = []
-    monkeypatch.setattr(os, "fsync", lambda file: synced.append((tmp_path / "a").exists()))
+    monkeypatch.setattr(whole.os, "fsync", lambda file: synced.append((tmp_path / "a").exists()))
     write_whole(tmp_path / "a", b"1")
     assert synced == [False, True]
     for number, refused in ((errno.EINVAL, False), (errno.EACCES, False), (errno.EIO, True)):
@@ -56,7 +56,7 @@ def test_a_file_is_on_the_disk_with_its_name(tmp_path: Path, monkeypatch: pytest
         def fail(file: int, number: int = number) -> None:
             raise OSError(number, os.strerror(number))
 
-        monkeypatch.setattr(os, "fsync", fail)
+        monkeypatch.setattr(whole.os, "fsync", fail)
         if refused:
             with pytest.raises(OSError, match="Input/output"):
                 whole._sync_folder(tmp_path)

@@ -71,7 +71,7 @@ def still(corrected: Array = CORRECTED) -> FilterSteps:
         np.zeros((1, 6)),
         np.zeros((1, 9, STATES)),
         np.ones((1, STATES)),
-        np.zeros((1, SIZE, SIZE)),
+        blocks_of(np.zeros((1, SIZE, SIZE))),
         corrected,
         np.zeros(STATES),
         1.0,
@@ -153,8 +153,9 @@ def propagate(durations: Array, step: Step, filters: Covariances) -> Array:
     """Return the covariances after a step, shape (LANES, 9 + q, 9 + q)."""
     turned = room(9)
     turned[:] = (step.rotations - np.eye(3)).reshape(LANES, 9).T
+    noises = blocks_of(step.noise)
     steps = filter_steps(
-        durations, step.motion, step.thrust, step.coupling, step.decay, step.noise, CORRECTED, np.ones(STATES), 1.0
+        durations, step.motion, step.thrust, step.coupling, step.decay, noises, CORRECTED, np.ones(STATES), 1.0
     )
     propagate_covariances(0, steps, parts_of(step.response), parts_of(turned), filters)
     return covariances(filters)
@@ -227,7 +228,7 @@ def test_filters_of_navigation_alone() -> None:
     motion, none = np.eye(6, 9, 3)[None], np.zeros((1, 0))
     motion[0, 3:, 3:6] = 10.0 * np.eye(3)
     steps = filter_steps(
-        LONG, motion, np.zeros((1, 6)), np.zeros((1, 9, 0)), none, np.zeros((1, 9, 9)), np.ones(9), np.zeros(0), 1.0
+        LONG, motion, np.zeros((1, 6)), np.zeros((1, 9, 0)), none, np.zeros((1, 3, 3, 9)), np.ones(9), np.zeros(0), 1.0
     )
     propagate_covariances(0, steps, parts_of(room(9)), parts_of(room(9)), filters)
     np.testing.assert_allclose(covariances(filters)[:, 6, 6], 101.0, rtol=1e-15)

@@ -19,6 +19,7 @@ from mcnav.systems.ins.ensemble.filter_system import Steps, Updates
 from mcnav.systems.ins.ensemble.gains import ReadingTimes, check_tables
 from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
+from mcnav.systems.ins.linear.response_blocks import BLOCK
 
 
 @dataclass(frozen=True)
@@ -70,16 +71,26 @@ def adjoint_of_closed(loop: ClosedLoop, gains: Array, last: int, output_map: Arr
     gains : ndarray, shape (U, 9 + q, M)
         Of the filter.
     """
-    tables, measured = loop.filter, loop.measurements
-    over = tables.transitions.copy()
-    over[:, :, NAVIGATION:] *= -1.0
-    responses = np.concatenate([measured.rows, -tables.rows], axis=2)
-    updates = Updates(loop.first_updates, measured.sizes, responses)
-    steps = Steps(over, tables.decay)
-    true_gains = np.concatenate([gains[:, :NAVIGATION], -gains[:, NAVIGATION:]], axis=1)
-    end = np.zeros((NAVIGATION, responses.shape[2]))
-    end[:, :NAVIGATION] = output_map
-    return Adjoint(*run_backwards(steps, updates, true_gains, last, end))
+    tables, measured, first = loop.filter, loop.measurements, loop.first_updates
+    start = np.zeros((NAVIGATION, NAVIGATION + tables.decay.shape[1]))
+    start[:, :NAVIGATION] = output_map
+    of_steps = np.zeros((len(tables.decay), NAVIGATION, NAVIGATION))
+    of_updates = np.zeros((len(measured.sizes), NAVIGATION, gains.shape[2]))
+    reached = first[last + 1]  # updates from here on are after the last time, or belong to the block that follows
+    for begin in range(last // BLOCK * BLOCK, -1, -BLOCK):
+        end = min(begin + BLOCK, last)
+        steps, updates = slice(begin, end), slice(first[begin], reached)
+        numbers = np.append(first[begin : end + 1], reached) - first[begin]
+        over, responses, true_gains = tables.transitions[steps].copy(), -tables.rows[updates], gains[updates].copy()
+        over[:, :, NAVIGATION:] *= -1.0
+        true_gains[:, NAVIGATION:] *= -1.0
+        responses = np.concatenate([measured.rows[updates], responses], axis=2)
+        start, of_steps[steps], of_updates[updates] = run_backwards(
+            Steps(over, tables.decay[steps]), Updates(numbers, measured.sizes[updates], responses), true_gains,
+            end - begin, start,
+        )  # fmt: skip
+        reached = first[begin]
+    return Adjoint(start, of_steps, of_updates)
 
 
 def run_backwards(steps: Steps, updates: Updates, gains: Array, last: int, end: Array) -> tuple[Array, Array, Array]:

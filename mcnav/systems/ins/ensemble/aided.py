@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array, IndexArray
-from mcnav.compiled.blocks import blocks_of
+from mcnav.compiled.blocks import ENTRIES, THREE, blocks_of, count_threes
 from mcnav.compiled.jit import allocation_free_loop, allocation_free_part, allocation_free_subroutine, inlined
 from mcnav.compiled.shapes import check_shapes
 from mcnav.compiled.vectors import LANES, Store, load, parts_of, room, store
@@ -91,8 +91,10 @@ from mcnav.systems.ins.ensemble.updates import (
 )
 from mcnav.systems.ins.filter.consistency import COUNTS
 from mcnav.systems.ins.filter.model import EKF, NAVIGATION
+from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.imu.instruments import CONSTANTS, IMU_STREAM
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
+from mcnav.systems.ins.linear.response_blocks import BLOCK
 from mcnav.systems.ins.sensors.aiding import aiding_constants, gate_limits
 from mcnav.systems.ins.sensors.measurements import rate_error, white_sigmas
 
@@ -206,25 +208,30 @@ class AidedTables:
     @cached_property
     def exact(self) -> IndexArray:
         """Numbers of the states that model constant errors of the instruments exactly."""
-        model = self.loop.filter
-        inputs = self.ensemble.inputs
-        return np.array(
-            [
-                state
-                for state, number in enumerate(model.constants)
-                if NAVIGATION <= number < len(CONSTANTS)
-                and np.all(model.decay[:, state] == 1.0)
-                and np.array_equal(model.coupling[:, :, state], inputs[:, number - NAVIGATION])
-            ],
-            dtype=np.int64,
-        )
+        return np.flatnonzero(self.loop.filter.exact)
 
     @cached_property
     def filter_steps(self) -> FilterSteps:
         """Tables of the filters over the steps, for compiled code."""
+        return self._filter_steps(len(self.ensemble.durations))
+
+    @cached_property
+    def no_filter_steps(self) -> FilterSteps:
+        """Tables over no steps, where all samples have the gains along the truth."""
+        return self._filter_steps(0)
+
+    def _filter_steps(self, count: int) -> FilterSteps:
+        """Return the tables over the first steps."""
         model, shared = self.loop.filter, self.ensemble
+        threes = THREE + count_threes(len(model.constants))
+        noises = np.empty((count, threes, threes, ENTRIES))
+        for first in range(0, count, BLOCK):
+            steps = slice(first, min(first + BLOCK, count))
+            noises[steps] = blocks_of(noise_matrices(model.noise, steps))
+        of_steps = (shared.durations, shared.motion, shared.thrust, model.coupling, model.decay)
+        durations, motion, thrust, coupling, decay = (table[:count] for table in of_steps)
         return filter_steps(
-            shared.durations, shared.motion, shared.thrust, model.coupling, model.decay, model.noise, model.corrected,
+            durations, motion, thrust, coupling, decay, noises, model.corrected,
             self._sigmas[:, NAVIGATION:].max(axis=0), self.smallest_position,
         )  # fmt: skip
 
@@ -530,14 +537,14 @@ def simulate_aided(
         np.empty((epochs, count, len(rooms.reading.record))), np.empty((kept, epochs, 10)),
         np.zeros((kept, *tables.white.shape)),
     )  # fmt: skip
+    of_filter = tables.filter_steps if own else tables.no_filter_steps
     given_kind = (
-        0, 0, steps.constants, tables.filter_steps, updates, rooms.samples, rooms.own, rooms.filters, rooms.accepted,
+        0, 0, steps.constants, of_filter, updates, rooms.samples, rooms.own, rooms.filters, rooms.accepted,
         rooms.whitened, rooms.cause, rooms.of_kind,
     )  # fmt: skip
     number = number_of(tables.loop.model.kind if own else EKF, given_kind)
     _run(
-        steps, tables.estimate_steps, tables.filter_steps, updates, tables.epochs, of_samples, noise, rooms, own,
-        number, results,
+        steps, tables.estimate_steps, of_filter, updates, tables.epochs, of_samples, noise, rooms, own, number, results
     )  # fmt: skip
     beyond = (results.outcomes == SOUND) & ~np.isfinite(results.values).all(axis=(1, 2))
     outcome = np.where(beyond, BEYOND, results.outcomes)

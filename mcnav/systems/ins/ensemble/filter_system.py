@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mcnav.arrays.types import Array, IndexArray
-from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.filter.tables import StepNoise
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 
 
@@ -24,27 +24,6 @@ class Steps(NamedTuple):
 
     rows: Array
     decay: Array
-
-
-class StepNoise(NamedTuple):
-    """Q over K steps; different ones of the other states are independent, but for pairs of neighbours.
-
-    Attributes
-    ----------
-    white : ndarray, shape (K, 9, 9)
-        Of psi, v, x.
-    cross : ndarray, shape (K, 9, q)
-        Of these with the other states.
-    driven : ndarray, shape (K, q)
-        Variances of the other states.
-    paired : ndarray, shape (K, q)
-        Covariance of each with the one before it.
-    """
-
-    white: Array
-    cross: Array
-    driven: Array
-    paired: Array
 
 
 class Updates(NamedTuple):
@@ -67,14 +46,5 @@ class Updates(NamedTuple):
 def filter_system(loop: ClosedLoop) -> tuple[tuple[Steps, StepNoise], Updates]:
     """Return F and Q, and H, of the filter's own states."""
     tables, measured = loop.filter, loop.measurements
-    white, cross = tables.noise[:, :NAVIGATION, :NAVIGATION], tables.noise[:, :NAVIGATION, NAVIGATION:]
-    driven = np.diagonal(tables.noise, axis1=1, axis2=2)[:, NAVIGATION:]
-    paired = np.zeros_like(driven)
-    paired[:, 1:] = np.diagonal(tables.noise[:, NAVIGATION:, NAVIGATION:], -1, axis1=1, axis2=2)
-    return (
-        (
-            Steps(tables.transitions, tables.decay),
-            StepNoise(*(np.ascontiguousarray(table) for table in (white, cross, driven, paired))),
-        ),
-        Updates(loop.first_updates, measured.sizes, np.concatenate([measured.rows, tables.rows], axis=2)),
-    )
+    rows = np.concatenate([measured.rows, tables.rows], axis=2)
+    return (Steps(tables.transitions, tables.decay), tables.noise), Updates(loop.first_updates, measured.sizes, rows)

@@ -108,7 +108,7 @@ class FilterSteps(NamedTuple):
 
 
 def filter_steps(
-    durations: Array, motion: Array, thrust: Array, coupling: Array, decay: Array, noise: Array, corrected: Array,
+    durations: Array, motion: Array, thrust: Array, coupling: Array, decay: Array, noises: Array, corrected: Array,
     largest: Array, position: float,
 ) -> FilterSteps:  # fmt: skip
     """Prepare the tables over K steps.
@@ -118,8 +118,10 @@ def filter_steps(
     durations : ndarray, shape (K,)
     motion : ndarray, shape (K, 6, 9)
     thrust : ndarray, shape (K, 6)
-    coupling, decay, noise, corrected : ndarray
+    coupling, decay, corrected : ndarray
         As `mcnav.systems.ins.filter.tables.FilterTables` has them.
+    noises : ndarray, shape (K, n, n, 9)
+        Q as blocks.
     largest : ndarray, shape (q,)
         Largest sigmas of the other states, along the truth.
     position : float
@@ -129,7 +131,7 @@ def filter_steps(
     filled, all_corrected = np.ones((len(decay), THREE * threes)), np.ones(NAVIGATION + THREE * threes)
     filled[:, : decay.shape[1]] = decay
     all_corrected[: len(corrected)] = corrected
-    short, noises = durations <= SHORT, blocks_of(noise)
+    short = durations <= SHORT
     beyond = coupling.copy()
     beyond[short, 6:] -= (0.5 * durations[short])[:, None, None] * coupling[short, 3:6]
     uneven = ~short | np.any(np.abs(beyond[:, 6:]) @ largest > EVEN * position, axis=1)

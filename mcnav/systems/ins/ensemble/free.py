@@ -62,8 +62,8 @@ class EnsembleTables:
         As `StepResponses.force`, flat.
     thrust : ndarray, shape (K, 6)
         Integral of the force, and that integral's.
-    inputs : ndarray, shape (K, 30, 9)
-        Responses to the constant errors of the instruments.
+    responses : Responses
+        Of which those to the constant errors of the instruments are taken.
     biases, decays : ndarray, shape (K, b, 9), (K, b)
         Responses to the biases of processes at the beginning, and what is left of these at the end.
     sizes : ndarray, shape (b,)
@@ -86,7 +86,7 @@ class EnsembleTables:
     motion: Array
     force: Array
     thrust: Array
-    inputs: Array
+    responses: Responses
     biases: Array
     decays: Array
     sizes: Array
@@ -105,6 +105,16 @@ class EnsembleTables:
         """Responses of the linear errors at the last epoch of a navigator without aiding."""
         return adjoint_of_free(self.motion, int(self.epochs[-1]), self.output_maps[-1])
 
+    def inputs(self, active: IndexArray) -> Array:
+        """Return the responses to constant errors of the instruments, by their numbers, shape (K, p, 9)."""
+        of_gyro = active < len(GYRO)
+        table = np.zeros((len(self.durations), len(active), NAVIGATION))
+        if len(active):
+            for block, responses in self.responses.blocks():
+                table[block, of_gyro] = responses.gyro[:, active[of_gyro]]
+                table[block, ~of_gyro, 3:] = responses.accelerometer[:, active[~of_gyro] - len(GYRO)]
+        return table
+
     def steps(self, active: IndexArray, adjoint: Adjoint) -> StepTables:
         """Return what compiled code takes of it.
 
@@ -115,7 +125,7 @@ class EnsembleTables:
         """
         return StepTables(
             self.start.constants, self.durations, self.motion, self.force, self.thrust,
-            np.ascontiguousarray(self.inputs[:, active]), int(np.count_nonzero(active < len(GYRO))), self.biases,
+            self.inputs(active), int(np.count_nonzero(active < len(GYRO))), self.biases,
             self.decays, self.factors, self.places, self.fields, self.gradients, self.curvatures, adjoint.steps,
         )  # fmt: skip
 
@@ -191,7 +201,7 @@ def tabulate(truth: Truth, platform: Platform, responses: Responses, imu: Imu, e
         motion=np.empty((steps, 6, 9)),
         force=np.empty((steps, 6, 9)),
         thrust=np.empty((steps, 6)),
-        inputs=np.zeros((steps, 30, 9)),
+        responses=responses,
         biases=np.empty((steps, len(biased), 9)),
         decays=np.empty((steps, len(biased))),
         sizes=np.sqrt(np.array(list(biased.values()))),
@@ -226,7 +236,6 @@ def _fill_steps(
     tables.motion[block, :, :3], tables.motion[block, :, 3:] = responses.attitude, responses.motion
     tables.force[block] = responses.force.reshape(-1, 6, 9)
     tables.thrust[block] = np.einsum("krii->kr", responses.force)  # N is the identity
-    tables.inputs[block, :15], tables.inputs[block, 15:, 3:] = responses.gyro, responses.accelerometer
     width = NAVIGATION + len(biased)
     covariance = np.zeros((len(responses.force), width, width))
     for _, noise, _ in systems.values():

@@ -22,7 +22,8 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_numbers, check_shapes
 from mcnav.compiled.vectors import PART, Vector, load_part, room_of_parts, store_part
-from mcnav.systems.ins.ensemble.filter_system import StepNoise, Steps, Updates, filter_system
+from mcnav.systems.ins.ensemble.filter_system import Steps, Updates, filter_system
+from mcnav.systems.ins.filter.tables import StepNoise
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel, FilterState
@@ -19,6 +21,39 @@ from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, j
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
+class StepNoise(NamedTuple):
+    """What processes add in K steps, Q: other states are independent of one another, but for pairs of neighbours.
+
+    Attributes
+    ----------
+    white : ndarray, shape (K, 9, 9)
+        Of psi, v, x.
+    cross : ndarray, shape (K, 9, q)
+        Of these with the other states.
+    driven : ndarray, shape (K, q)
+        Variances of the other states.
+    paired : ndarray, shape (K, q)
+        Covariance of each with the one before it.
+    """
+
+    white: Array
+    cross: Array
+    driven: Array
+    paired: Array
+
+
+def noise_matrices(noise: StepNoise, steps: slice = slice(None)) -> Array:
+    """Return Q of some steps, shape (k, 9 + q, 9 + q)."""
+    white, cross, driven, paired = (table[steps] for table in noise)
+    matrices, others = np.zeros((len(white), *np.add(driven.shape[1:] * 2, NAVIGATION))), slice(NAVIGATION, None)
+    matrices[:, :NAVIGATION, :NAVIGATION] = white
+    matrices[:, :NAVIGATION, others], matrices[:, others, :NAVIGATION] = cross, cross.swapaxes(1, 2)
+    places = NAVIGATION + np.arange(driven.shape[1])
+    matrices[:, places, places] = driven
+    matrices[:, places[1:], places[:-1]] = matrices[:, places[:-1], places[1:]] = paired[:, 1:]
+    return matrices
+
+
 @dataclass(frozen=True)
 class FilterTables:
     """A filter of 9 + q states along the truth, over K steps and U updates.
@@ -29,8 +64,7 @@ class FilterTables:
         Responses of psi, v, x to themselves and to the errors that the other states are.
     decay : ndarray, shape (K, q)
         What is left of these at the end of a step.
-    noise : ndarray, shape (K, 9 + q, 9 + q)
-        Covariance that processes add in a step.
+    noise : StepNoise
     initial : ndarray, shape (9 + q, 9 + q)
     rows : ndarray, shape (U, M, q)
         Responses of the innovations to the other states.
@@ -40,6 +74,8 @@ class FilterTables:
         1 for estimated states, 0 for considered ones.
     constants : ndarray of int, shape (q,)
         Number of the constant source that a state models, -1 for none.
+    exact : ndarray of bool, shape (q,)
+        Whether a state models a constant error of the instruments exactly.
     processes : tuple of tuple of str
         Processes that each state models.
     parts : tuple of int
@@ -57,12 +93,13 @@ class FilterTables:
 
     transitions: Array
     decay: Array
-    noise: Array
+    noise: StepNoise
     initial: Array
     rows: Array
     variances: Array
     corrected: Array
     constants: IndexArray
+    exact: NDArray[np.bool_]
     processes: tuple[tuple[str, ...], ...]
     rate_errors: IndexArray
     parts: tuple[int, ...]
@@ -93,11 +130,15 @@ def tabulate_filter(
     )
     tables = FilterTables(
         np.zeros((steps, NAVIGATION, NAVIGATION + count)), np.ones((steps, count)),
-        np.zeros((steps, NAVIGATION + count, NAVIGATION + count)),
+        StepNoise(
+            np.zeros((steps, NAVIGATION, NAVIGATION)), np.zeros((steps, NAVIGATION, count)), np.zeros((steps, count)),
+            np.zeros((steps, count)),
+        ),
         initial_covariance(truth, beliefs.covariance, states, float(responses.times[0]), 0.0),
         np.zeros((*measurements.components.shape, count)), sigmas**2,
         np.array([1.0] * NAVIGATION + [0.0 if state.considered else 1.0 for state in states]),
         np.array([sources.get(state.name, -1) for state in states], dtype=np.int64),
+        np.array([NAVIGATION <= sources.get(state.name, -1) < len(CONSTANTS) for state in states], dtype=np.bool_),
         tuple(() if name in sources else (name,) for name in modelled),
         np.array([rate_error(state.name) for state in states], dtype=np.int64),
         tuple(0 if state.flexure is None else int(state.flexure.rate) for state in states),
@@ -111,11 +152,11 @@ def tabulate_filter(
             if name == component.error_name("correlated"):
                 tables.rows[:, :, place] = -1.0 * (measurements.components == number)
                 added = -np.expm1(-2.0 * np.diff(responses.times) / state.correlation_time)
-                tables.noise[:, NAVIGATION + place, NAVIGATION + place] = state.sigma**2 * added
+                tables.noise.driven[:, place] = state.sigma**2 * added
         for number, sensor in enumerate(beliefs.sensors):
             if name == sensor.jitter_name:
                 tables.rows[:, :, place] = jitter_rows(measurements, number)
-                tables.noise[:, NAVIGATION + place, NAVIGATION + place] = state.sigma**2
+                tables.noise.driven[:, place] = state.sigma**2
         if tables.rate_errors[place] >= 0 and measurements.swings.size:
             tables.rows[:, :, place] = measurements.swings[:, :, tables.rate_errors[place]]
     _fill_flexures(tables, states, responses.times, beliefs.sensors, measurements)
@@ -143,8 +184,11 @@ def _fill_steps(
                 tables.coupling[steps, :, place] = systems[name][0][:, :NAVIGATION]
             if name in DISTURBANCES:
                 tables.decay[steps, place] = systems[name][0][:, NAVIGATION]
-        of_state = {name: NAVIGATION + place for place, name in enumerate(modelled) if name in systems}
-        _add_noise(tables.noise[steps], systems, of_state)
+            if tables.exact[place]:
+                same = np.array_equal(tables.coupling[steps, :, place], _constant_response(true, state.name))
+                tables.exact[place] = same and np.all(tables.decay[steps, place] == 1.0)
+        of_state = {name: place for place, name in enumerate(modelled) if name in systems}
+        _add_noise(StepNoise(*(table[steps] for table in tables.noise)), systems, of_state)
 
 
 def _fill_flexures(
@@ -159,9 +203,9 @@ def _fill_flexures(
         if of is None or of.rate:
             continue
         pair, variance = slice(place, place + 2), of.flexure.sigma[of.axis] ** 2
-        within = slice(NAVIGATION + place, NAVIGATION + place + 2)
         tables.rows[:, :, pair] = flexure_rows(measurements, numbers[of.sensor], of.flexure, of.axis, float(times[0]))
-        tables.noise[:, within, within] = variance * of.flexure.noise(since)
+        added = variance * of.flexure.noise(since)
+        tables.noise.driven[:, pair], tables.noise.paired[:, place + 1] = added[:, [0, 1], [0, 1]], added[:, 1, 0]
         natural = of.flexure.natural(since)
         tables.natural[:, place], tables.natural[:, place + 1] = natural[:, 0], natural[:, 1, ::-1]
         tables.partners[pair] = place + 1, place
@@ -196,19 +240,19 @@ def initial_covariance(
     return initial
 
 
-def _add_noise(noise: Array, systems: Mapping[str, tuple[Array, Array, Array]], of_state: Mapping[str, int]) -> None:
+def _add_noise(
+    noise: StepNoise, systems: Mapping[str, tuple[Array, Array, Array]], of_state: Mapping[str, int]
+) -> None:
     """Add what processes add in a step to the covariance of psi, v, x and of the states that model them."""
-    navigation = np.zeros((len(noise), NAVIGATION, NAVIGATION))
+    navigation = np.zeros_like(noise.white)
     for name, (response, added, _) in systems.items():
         if name not in of_state and response.any():
             continue  # a bias without a state is neglected
         navigation += added[:, :NAVIGATION, :NAVIGATION]
         if name in of_state:
-            at = of_state[name]
-            noise[:, at, :NAVIGATION] += added[:, NAVIGATION, :NAVIGATION]
-            noise[:, :NAVIGATION, at] += added[:, :NAVIGATION, NAVIGATION]
-            noise[:, at, at] += added[:, NAVIGATION, NAVIGATION]
-    noise[:, :NAVIGATION, :NAVIGATION] += navigation
+            noise.cross[:, :, of_state[name]] += added[:, :NAVIGATION, NAVIGATION]
+            noise.driven[:, of_state[name]] += added[:, NAVIGATION, NAVIGATION]
+    noise.white[:] += navigation
 
 
 def same_memory(one: Imu, other: Imu) -> bool:

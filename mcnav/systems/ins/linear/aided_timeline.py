@@ -155,7 +155,9 @@ class AidedSystem:
         disturbances[:, :, NAVIGATION : NAVIGATION + measured.swings.shape[2]] = measured.swings
         disturbances[:, :, len(CONSTANTS) : -1] = measured.constants
         disturbances[:, :, -1] = -measured.faults
-        return Updates(measured.sizes, responses * within, disturbances * within)
+        responses *= within
+        disturbances *= within
+        return Updates(measured.sizes, responses, disturbances)
 
     @property
     def _filter(self) -> TimelineFilter:

@@ -93,7 +93,7 @@ class ClosedLoop:
 
 def close_loop(
     truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel,
-    respond: Callable[[Truth, Platform, Array, Imu], Responses] = Responses,
+    respond: Callable[[Truth, Platform, Array, Imu], Responses] = Responses, measurements: Measurements | None = None,
 ) -> ClosedLoop:  # fmt: skip
     """Tabulate an aided navigator along the truth.
 
@@ -103,9 +103,11 @@ def close_loop(
         Rising, with all instants of the sensors among them; the first is the start of navigation.
     respond : callable
         Returns the responses over the steps.
+    measurements : Measurements, optional
+        Of the sensors, where they are known.
     """
     responses = respond(truth, platform, times, imu)
-    measurements = measure(truth, platform, float(times[0]), sensors)
+    measurements = measure(truth, platform, float(times[0]), sensors) if measurements is None else measurements
     tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
     first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
     return ClosedLoop(truth, platform, imu, sensors, model, responses, measurements, tables, first)

@@ -18,8 +18,8 @@ from mcnav.systems.ins.truth.trajectory import Platform, Truth
 BLOCK: Final = 512
 """Steps of a block."""
 
-KEPT: Final = 96_000_000
-"""Bytes of the blocks that are kept: some 5,800 steps."""
+KEPT: Final = 64_000_000
+"""Bytes of the blocks that are kept: some 3,900 steps, an hour at 1 s."""
 
 LATEST: Final = 2
 """Blocks that are kept beside them: readers in order ask for a block several times, and at its end for the next."""
