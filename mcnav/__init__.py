@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from mcnav.sampler.errors import Errors
     from mcnav.sampler.sizes import fixed, normal, student_t, table, triangular, truncated_normal, uniform
     from mcnav.studies.judge import judge_recording
-    from mcnav.studies.linear_answers import linear_covariance
+    from mcnav.studies.linear_covariance import linear_covariance
     from mcnav.studies.recordings import RecordingFiles
     from mcnav.systems.closed_loop.declarations import (
         Attitude,
@@ -110,7 +110,7 @@ _HOMES = {
     "run": "mcnav.frames.runs",
     "identify_noise": "mcnav.identification.identify",
     "judge_recording": "mcnav.studies.judge",
-    "linear_covariance": "mcnav.studies.linear_answers",
+    "linear_covariance": "mcnav.studies.linear_covariance",
     "open_run": "mcnav.frames.runs",
     "read_campaign": "mcnav.frames.campaigns",
     "read_imu_log": "mcnav.logs.imu_log",

@@ -91,6 +91,9 @@ class Box:
         Number of the requirement that `narrowed` is about: the tightest; none where it is about an output.
     output : int
         Number of this output.
+    gated : mapping or None
+        A setting at which gates reject good measurements so that linear analysis is not shown to hold: then no
+        requirement is judged; none without.
     """
 
     ranges: Mapping[str, str]
@@ -104,6 +107,7 @@ class Box:
     narrowed: tuple[Narrowed, ...] = ()
     about: int | None = None
     output: int = 0
+    gated: Setting | None = None
 
     @property
     def varies(self) -> bool:

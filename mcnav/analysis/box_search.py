@@ -57,7 +57,7 @@ class Maxima:
     def search(self, functions: Sequence[int]) -> None:
         """Look at the grid, and then about the largest value of each of some functions, in this order."""
         for point in grid(self._axes):
-            self._at(point)
+            self.at(point)
         values = np.array(list(self.known.values()))
         for function in functions:
             column = values[:, function]
@@ -69,7 +69,8 @@ class Maxima:
         point = max(self.known, key=lambda known: self.known[known][function])
         return point, float(self.known[point][function])
 
-    def _at(self, point: Point) -> Array:
+    def at(self, point: Point) -> Array:
+        """Look at a point, unless that was done already, and return the values of all functions there."""
         if point not in self.known:
             self.known[point] = self._evaluate(point)
         return self.known[point]
@@ -90,7 +91,7 @@ class Maxima:
                 break
             middle, top = self.largest(function)
             sides = [_moved(middle, axis, sign * step) for sign in (-1.0, 1.0)]
-            values = [float(self._at(side)[function]) for side in sides]
+            values = [float(self.at(side)[function]) for side in sides]
             now, best = self.largest(function)
             if now == middle and middle not in sides:
                 best = self._vertex(function, axis, (sides[0], middle, sides[1]), (values[0], top, values[1]))
@@ -106,7 +107,7 @@ class Maxima:
             second, first, _ = np.polyfit(places - places[1], np.array(values), 2)
             if second < 0.0:
                 vertex = float(np.clip(-first / (2.0 * second), places[0] - places[1], places[2] - places[1]))
-                self._at(_moved(points[1], axis, vertex))
+                self.at(_moved(points[1], axis, vertex))
         return self.largest(function)[1]
 
 

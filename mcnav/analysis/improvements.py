@@ -137,7 +137,7 @@ def largest_shares(
         return None
     shares = np.zeros(len(factors))
     for errors, scale in zip(limited, scales or [1.0] * len(limited), strict=True):
-        laws = [_laws(covariance, errors, each) for each in factors]
+        laws = [_laws(covariance, errors, factor) for factor in factors]
         means, covariances = (np.array(moments) for moments in zip(*laws, strict=True))
         limit = errors.requirement.limits[0] / scale
         probability = size_probability(errors.requirement)

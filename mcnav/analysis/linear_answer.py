@@ -320,8 +320,8 @@ def within_range(
     if beyond is None:
         return tuple(judged)
 
-    def meaningless(each: LinearRequirement) -> bool:
-        epochs = each.requirement.epochs
+    def meaningless(requirement: LinearRequirement) -> bool:
+        epochs = requirement.requirement.epochs
         if not epochs or times is None or beyond.time is None:
             return True
         return bool((times[list(epochs)] >= beyond.time).any())

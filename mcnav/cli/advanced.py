@@ -91,7 +91,7 @@ def reproduce(
 ) -> None:
     """Recompute the numbers and figures of a publication.
 
-    They are written as a page and CSV files.
+    The results are a page and CSV files.
 
     Example: mcnav reproduce textbook --out recomputed
     """

@@ -60,9 +60,9 @@ def lincov(
 ) -> None:
     """Compute the linear covariance, and examine where it holds.
 
-    Sigmas, their causes and requirements are of the end and over time. Some flights are simulated to see where linear
-    analysis holds. With aiding, it is that of the closed loop: true sigmas and those that the filter states, twice
-    where an update falls on a time. With --partials, P is shown as computed by three methods, with their differences.
+    It shows requirements, sigmas and their causes, at the end and over time. It simulates some flights to see where
+    linear analysis holds. With aiding, true sigmas stand beside filter sigmas, before and after an update. --partials
+    shows P by three methods, with their differences.
 
     Example: mcnav lincov campaigns/19_flight_with_gnss.toml --at "1800 s"
     """
@@ -170,8 +170,8 @@ def judge(
 ) -> None:
     """Judge the filter of a campaign by a recorded flight.
 
-    It says which number is wrong, by how much, and what the record could have shown. With --record, one sample of the
-    campaign is written in files like those of a recorded flight.
+    It says which number is wrong, by how much, and what the record could have shown. --record writes one sample of the
+    campaign as files of a recorded flight.
 
     Example: mcnav judge flight.toml --imu imu.csv --measurements gnss=gnss.csv --reference truth.csv
     """
@@ -236,9 +236,9 @@ def allocate(
 ) -> None:
     """Find the data-sheet numbers that just meet requirements.
 
-    It uses linear analysis, scaled by a simulation of the campaign, and simulates the smallest changes. Each number is
-    changed alone, all are changed together, and for type ins numbers are moved by one grade of the catalogue. Where
-    the requirements are met, numbers are loosened.
+    It changes each number alone, all numbers together and, for type ins, numbers by one grade of the catalogue. Where
+    the requirements are met, it shows how much larger numbers may be. Linear answers are scaled by a simulation of the
+    campaign. The smallest changes are simulated.
 
     Example: mcnav allocate campaigns/19_flight_with_gnss.toml
     """
@@ -276,10 +276,10 @@ def tune(
     jobs: Jobs = 2,
     folder: Annotated[Path | None, out_folder("reports/NAME_tune")] = None,
 ) -> None:
-    """Find what a filter is to believe of specs that are ranges.
+    """Find filter settings that stay consistent over ranges of specs.
 
-    With these beliefs its sigmas bound the true errors at every setting of the ranges, at all times. It prints the
-    table [filter.believes] to paste, by how much each sigma is inflated, and what that costs.
+    With these settings the filter sigmas bound the true errors at every point of the ranges, at all times. The command
+    prints the table [filter.believes] to paste, by how much each sigma is inflated, and what that costs.
 
     Example: mcnav tune campaigns/40_range_with_a_drift.toml --no-confirm
     """
@@ -331,8 +331,8 @@ def filters(
 ) -> None:
     """Compare kinds of filters by Monte Carlo.
 
-    Each kind has the same initial and sensor errors, and all but ukf the same noise; the verdict on each, its NEES,
-    sigmas and cost are a table. With --vary it is asked from which value on each is optimistic.
+    All kinds have the same initial and sensor errors, and all but ukf the same noise. A table has the verdict on each
+    kind, its NEES, sigmas and cost. --vary finds the value from which on each kind is optimistic.
 
     Example: mcnav filters campaigns/32_alignment_in_motion.toml --vary errors.heading="3, 10, 30 deg"
     """
@@ -401,8 +401,8 @@ def identify(
 ) -> None:
     """Identify the noise of an inertial unit from logs at rest.
 
-    Every value has an interval, and the model a test of fit. Several logs of one unit give its noise in common, and
-    the bias from one turn-on to the next.
+    Every value has an interval, and the model a test of fit. Several logs of one unit give their common noise, and how
+    the bias changes from one turn-on to the next.
 
     Example: mcnav identify static.csv --unit gyro=deg/s --out reports/unit
     """

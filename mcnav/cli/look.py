@@ -55,6 +55,8 @@ def report(
 ) -> None:
     """Analyse finished runs again, write their reports, or list runs.
 
+    Nothing is simulated unless --remedies is given.
+
     Example: mcnav report reports/11_cruise --open
     """
     from mcnav.report.terminal import progress
@@ -102,7 +104,7 @@ def show(
 ) -> None:
     """Show verdicts, sigmas, budget and requirements of a run.
 
-    They, and the consistency of a filter, are read from the run folder's summary; nothing is simulated.
+    All numbers are read from the run folder's summary, those of a filter too. Nothing is simulated.
 
     Example: mcnav show reports/mine --table budget --format csv
     """
@@ -310,8 +312,8 @@ def replay(
 ) -> None:
     """Simulate one sample of a run again, with its history.
 
-    Its errors, its outcome and its history are written as a page and a CSV file. With --fail it is no sample, but the
-    flight by which a requirement beyond counting fails most likely.
+    It writes errors, outcome and history as a page and a CSV file. --fail N simulates the likeliest failure of
+    requirement N, where the requirement is beyond counting.
 
     Exit status: 0 the outcome is as stored, 1 it is different, 2 bad input.
 
@@ -348,9 +350,9 @@ def live(
 ) -> None:
     """Show a campaign on a page that answers while it is changed.
 
-    The page is that of mcnav lincov. It follows the campaign's file and re-tunes the filter for what its sliders say.
-    It keeps the last settings side by side, and confirms them by Monte Carlo. Its server listens on this machine alone,
-    at an address that nobody guesses. Ctrl-C ends it.
+    It is the page of mcnav lincov with sliders. It follows the campaign's file and re-tunes the filter when a slider is
+    released. It keeps the last settings side by side, and confirms them by Monte Carlo. Its server listens on this
+    machine alone, at a secret address. Ctrl-C ends it.
 
     Example: mcnav live campaigns/19_flight_with_gnss.toml --open
     """

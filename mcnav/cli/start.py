@@ -169,7 +169,7 @@ def demo(
 ) -> None:
     """Run an example campaign that comes with mcnav.
 
-    It is run into reports/ of the current folder.
+    Its run folder is in reports/ of the current folder.
 
     Example: mcnav demo 14
     """
@@ -235,8 +235,8 @@ def check_file(
 
     Of campaigns and scenarios it checks determinism, shapes, units, linearity near zero, and partials against
     differences. Of a trajectory it checks whether it can be flown, and its heading against its track. For a class of
-    your own it tells what a run takes. Nothing is written; a measured covariance of its noise is kept. With
-    --trajectory, a trajectory file, a track, or the trajectory of a campaign of type ins is described instead.
+    your own it says how long a run takes. It writes nothing, but keeps a measured covariance of noise. --trajectory
+    describes a trajectory file, a track, or the trajectory of a campaign of type ins instead.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -59,6 +59,8 @@ class Campaign:
         Ranges of its file, each of which is at its upper end here.
     remarks : tuple of str
         Clauses on where in a box it lies, for its results.
+    content : mapping
+        Content of the file as it was given, with ranges at their upper ends: of a campaign without a file.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Campaign:
     files: tuple[InputFile, ...] = ()
     ranges: tuple[SpecRange, ...] = ()
     remarks: tuple[str, ...] = ()
+    content: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def to_toml(self) -> str:
         """Write the resolved campaign as a campaign file."""
@@ -113,7 +116,7 @@ class Campaign:
             context.problem(key, "cannot be replaced in a Campaign; only samples and seed can")
         if context.problems:
             raise context.error()
-        resolved = {**self.resolved, **overrides}
+        resolved, content = {**self.resolved, **overrides}, {**self.content, **overrides} if self.content else {}
         until = None if "samples" in overrides else self.until
         table = validate(CampaignFile, resolved if until is None else {**resolved, "samples": self.samples}, context)
         if table is not None and isinstance(table.samples, UntilTable):
@@ -122,7 +125,9 @@ class Campaign:
             check_stored_samples(table, context)
         if table is None or context.problems:
             raise context.error()
-        return replace(self, samples=table.most_samples(), seed=table.seed, until=until, resolved=resolved)
+        return replace(
+            self, samples=table.most_samples(), seed=table.seed, until=until, resolved=resolved, content=content
+        )
 
 
 def check_stored_samples(table: CampaignTable, context: FileContext) -> None:

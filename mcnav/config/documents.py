@@ -82,7 +82,7 @@ def document_of(campaign: Description) -> Document:
     if isinstance(campaign, Campaign):
         if campaign.file in ("", UNNAMED):
             code = {} if campaign.code is None else {campaign.code.file: campaign.code}
-            content = load_mapping(campaign.resolved, UNNAMED)
+            content = load_mapping(campaign.content or campaign.resolved, UNNAMED)
             return Document(content, UNNAMED, campaign.name, code, campaign.ranges)
         campaign = campaign.file
     if isinstance(campaign, Described):

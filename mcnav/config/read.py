@@ -118,7 +118,7 @@ def parse_campaign(
     content, ranges = split_ranges({**content, **(overrides or {})}, file)
     context = FileContext(file, Path(file).parent, earlier or {}, content, confined, code or {})
     with numbers_in_si(content.get("units") == SI) as numbers:
-        return replace(_parse(context, stem, numbers), ranges=ranges)
+        return replace(_parse(context, stem, numbers), ranges=ranges, content=content)
 
 
 def _parse(context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:

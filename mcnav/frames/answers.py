@@ -12,7 +12,8 @@ import pandas as pd
 from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
 from mcnav.config.documents import Description
 from mcnav.report.pages.lincov import final_rows, reading_rows, requirement_rows, units_shown
-from mcnav.studies.linear_answers import linear_covariance, read_times
+from mcnav.studies.linear_answers import read_times
+from mcnav.studies.linear_covariance import linear_covariance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

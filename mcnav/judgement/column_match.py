@@ -27,6 +27,9 @@ UNITS: Final = {"km/h": 3.6, "kn": 1.943844, "ft/s": 3.28084, "cm/s": 100.0, "mm
 OTHER_UNIT: Final = 0.04
 """Share by which a ratio may differ from that of two units to be taken for it."""
 
+FEET: Final = 3.28084
+"""Feet of a metre."""
+
 LEVEL: Final = ("north", "east")
 
 
@@ -34,6 +37,9 @@ def velocity_fault(measured: RecordedMeasurements) -> str:
     """Say how velocities are not what positions change by; nothing where they are, or the motion does not tell."""
     if "velocity" not in measured.values or "position" not in measured.values:
         return ""
+    velocity = measured.values["velocity"]
+    if np.any(velocity[:, :2]) and not np.any(velocity[:, 2]) and len(velocity) > FEWEST:
+        return "velocity_down is exactly zero in all rows: it was not measured"
     moved, passed = _differences(measured)
     if len(moved) < FEWEST:
         return ""
@@ -81,10 +87,12 @@ def _level_fault(moved: Array, passed: Array) -> str:
 
 
 def _vertical_fault(moved: Array, passed: Array) -> str:
-    """Say that downward velocities are upward ones: where the altitude changes enough to tell."""
+    """Say that downward velocities are upward ones, or in another unit: where the altitude changes enough to tell."""
     if not np.any(passed):
         return ""
     slope, noise = slope_through_zero(passed, moved)
     if slope < -0.5 and slope < -noise:
         return "velocity_down has the wrong sign against differences of altitude: it is counted upward"
+    if abs(slope / FEET - 1.0) < 0.2 and slope - noise > 2.0:
+        return f"the altitude changes {slope:.3g} times as much as velocity_down says: it is in ft"
     return ""

@@ -12,7 +12,7 @@ reflection fits where no rotation does. Earth rate and Coriolis force are below 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -72,14 +72,10 @@ class ForceMatch:
     @classmethod
     def of(cls, recording: Recording, measured: RecordedMeasurements) -> ForceMatch | None:
         """Compute both; none of a sensor without velocities and positions, or of too few."""
-        times = np.concatenate([[0.0], recording.ends])
-        integral = _still_integral(recording, times)
         if "velocity" in measured.values:
             values, order = measured.values["velocity"], 1
         elif "position" in measured.values:
             values, order = local_metres(measured.values["position"]), 2
-            steps = np.diff(times)[:, None]
-            integral = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * steps * (integral[1:] + integral[:-1]), 0)])
         else:
             return None
         interval = float(np.median(np.diff(measured.times)))
@@ -96,7 +92,12 @@ class ForceMatch:
         gravity = STANDARD_GRAVITY * (stamps[:, 1] - stamps[:, 0]) ** order
         if np.sum(even) < 10:
             return None
-        return cls(times, integral, stamps[even], weights, gained[even], gravity[even])
+        return cls(*_integrals(recording, order), stamps[even], weights, gained[even], gravity[even])
+
+    def with_readings(self, recording: Recording) -> ForceMatch:
+        """Return the track with other readings."""
+        times, integrals = _integrals(recording, len(self.weights) - 1)
+        return replace(self, times=times, integrals=integrals)
 
     def gains(self, lag: float) -> tuple[Array, Array]:
         """Return S where the track is late by a lag, shape (u, 3), and which instants are within the readings."""
@@ -166,6 +167,16 @@ class ForceMatch:
                 forward = rotation[0]
                 return float(np.arctan2(forward[1], forward[0])), sigma
         return None
+
+
+def _integrals(recording: Recording, order: int) -> tuple[Array, Array]:
+    """Return times, and the specific force in axes that stand still, integrated once or twice."""
+    times = np.concatenate([[0.0], recording.ends])
+    integral = _still_integral(recording, times)
+    if order == 2:
+        steps = np.diff(times)[:, None]
+        integral = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * steps * (integral[1:] + integral[:-1]), 0)])
+    return times, integral
 
 
 def _still_integral(recording: Recording, times: Array) -> Array:
@@ -251,7 +262,8 @@ def heading_fault(match: ForceMatch, heading: float, sigma: float) -> str:
     near = [words for words, other in others.items() if abs(_wrapped(heading - other)) < allowed]
     return (
         f"the heading at the start is {np.degrees(heading) % 360.0:.4g} deg, readings and track together give "
-        f"{np.degrees(by_both) % 360.0:.4g}: {' or '.join(near) or 'it is another one'}"
+        f"{np.degrees(by_both) % 360.0:.4g}: {' or '.join(near) or 'it is another one'}, or the readings' axes are "
+        "turned about down"
     )
 
 

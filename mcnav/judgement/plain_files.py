@@ -14,6 +14,7 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.contract.recorded import RecordedMeasurements, Recording
+from mcnav.judgement.axes_match import UPRIGHT, apart_fault, scale_fault, upward_share
 from mcnav.judgement.column_match import velocity_fault
 from mcnav.judgement.force_match import ForceMatch, clock_fault, heading_fault, mirror_fault
 from mcnav.judgement.local_track import local_metres, speeds
@@ -58,13 +59,17 @@ class Fault:
     message: str
 
 
-def find_fault(recording: Recording, position_sigma: float = 0.0, heading_sigma: float = 0.0) -> Fault | None:
+def find_fault(
+    recording: Recording, position_sigma: float = 0.0, heading_sigma: float = 0.0, scale_sigma: float = 0.0
+) -> Fault | None:
     """Return the first fault of a recorded flight, the most basic first; none where there is none to be seen.
 
     Parameters
     ----------
     position_sigma, heading_sigma : float
         Of the campaign's initial errors, m and rad: a start within them is no fault.
+    scale_sigma : float
+        Of the campaign's scale factors, the largest.
     """
     if message := _force_fault(recording.accelerometer) or _held_readings(recording):
         return Fault(IMU, message)
@@ -75,8 +80,11 @@ def find_fault(recording: Recording, position_sigma: float = 0.0, heading_sigma:
             return Fault(name, message)
     for name, measured in recording.measurements.items():
         match = ForceMatch.of(recording, measured)
-        if match is not None and (message := clock_fault(match) or mirror_fault(match)):
-            return Fault(name, message)
+        if match is not None:
+            if message := clock_fault(match):
+                return Fault(name, message)
+            if fault := _axes_fault(recording, match, name, scale_sigma):
+                return fault
         if (match is None or not match.agrees) and (message := turn_clock_fault(recording, measured)):
             return Fault(name, message)
         if message := turn_fault(recording, measured):
@@ -87,6 +95,17 @@ def find_fault(recording: Recording, position_sigma: float = 0.0, heading_sigma:
             heading = float(recording.start.attitude[0, 2])
             if message := heading_fault(match, heading, heading_sigma):
                 return Fault(START, message)
+    return None
+
+
+def _axes_fault(recording: Recording, match: ForceMatch, name: str, scale_sigma: float) -> Fault | None:
+    """Return a fault of axes: of a mirrored track, unless gravity at the start says that readings are mirrored."""
+    up = upward_share(recording)
+    upside_down = up is not None and up < UPRIGHT
+    if not upside_down and (message := mirror_fault(match)):
+        return Fault(name, message)
+    if message := apart_fault(recording, match) or scale_fault(recording, match, scale_sigma):
+        return Fault(IMU, message)
     return None
 
 

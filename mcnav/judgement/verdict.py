@@ -109,16 +109,21 @@ class Judgement:
         return self.probability <= LEVEL
 
     @property
+    def explained(self) -> bool:
+        """Return whether what is named explains the record: of the changed campaign's records some are as unusual."""
+        return bool(self.findings) and self.findings[-1].left * (self.simulated + 1.0) >= 1.5
+
+    @property
     def frame(self) -> pd.DataFrame:
         """The numbers of the campaign, a row a ``number``.
 
         ``size`` and its ``unit``, SI; ``factor`` by which it is wrong with ``factor_from`` and ``factor_to`` at 95 %,
         NaN where it was not estimated; ``noticed``, the least factor that would be noticed in 9 of 10 records;
-        ``named``, whether it is what is wrong.
+        ``named``, whether it is what is wrong; none is where what comes nearest does not explain the record.
         """
         import pandas as pd
 
-        named = {finding.number.name for finding in self.findings}
+        named = {finding.number.name for finding in self.findings if self.explained}
         rows = [
             {"number": cause.name, "size": cause.size, "unit": cause.unit,
              "factor": np.nan if cause.factor is None else cause.factor.value,
@@ -134,7 +139,11 @@ class Judgement:
         at_odds = "is at odds" if self.alarm else "is not at odds"
         named = ", ".join(finding.number.name for finding in self.findings)
         words = (
-            f"{named} would explain it" if named else "no single number explains it" if self.alarm else "nothing named"
+            f"{named} would explain it"
+            if named and self.explained
+            else "no single number explains it"
+            if self.alarm
+            else "nothing named"
         )
         share = f"{self.probability:.1%} of {self.simulated:,} simulated records are as unusual"
         return f"The record {at_odds} with the campaign ({share}); {words}.\n\n{self.frame.to_string()}"

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from time import perf_counter
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from mcnav.analysis.box import Box, BoxFilter, Extreme, Narrowed, Spread
 from mcnav.analysis.box_search import Maxima, Point, grid
 from mcnav.analysis.linear_answer import LinearAnswer
+from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.resized_answers import judged, requirement_value, resize
 from mcnav.arrays.types import Array
@@ -26,15 +28,24 @@ from mcnav.config.data_sheet import DataSheetNumber, owner_of
 from mcnav.config.overrides import ALL_AXES, SIZES
 from mcnav.config.ranges import SpecRange
 from mcnav.config.read import Campaign
-from mcnav.execution.progress import note
+from mcnav.execution.progress import duration, note
 from mcnav.studies.boxed_campaign import BoxedCampaign, Values
+from mcnav.studies.boxed_gates import with_gates
 from mcnav.studies.linear_answers import answer_linearly, judge_filter_of
+from mcnav.studies.shared_derivatives import SharedDerivatives
 
 MOST: Final = 200
-"""Points of a search, after which it refines no more."""
+"""Points of a search by resized answers, after which it refines no more."""
 
 MANY: Final = 50
-"""Linear systems from which on their number is said beforehand."""
+SLOW: Final = 5.0
+"""Linear systems, and seconds, from which on they are said beforehand."""
+
+REFINED: Final = 7, 0.2
+NARROWED: Final = 6
+OVERRUN: Final = 1.5
+"""Linear systems that refinement is expected to need, at least and as a share of those of the grid; those of each range
+to find what it matters; and how many times as many as are expected are computed at most."""
 
 SAME: Final = 1e-6
 """Relative difference of sigmas up to which resized answers are those of the engine."""
@@ -63,7 +74,8 @@ def answer_box(
     filter_alone : bool
         Whether the search is refined for the ratio of the filter alone.
     """
-    return _Study(boxed or BoxedCampaign(campaign), nominal, filter_alone).box()
+    boxed = boxed or BoxedCampaign(campaign)
+    return with_gates(_Study(boxed, nominal, filter_alone).box(), boxed, nominal)
 
 
 @dataclass(frozen=True)
@@ -80,6 +92,7 @@ class _Answers:
 
     def __init__(self, boxed: BoxedCampaign, nominal: LinearAnswer) -> None:
         self._boxed, self._nominal = boxed, nominal
+        self._derivatives = SharedDerivatives(boxed.nominal)
         self.sized = [
             _sized(spec, number, boxed, nominal) for spec, number in zip(boxed.ranges, boxed.numbers, strict=True)
         ]
@@ -109,7 +122,7 @@ class _Answers:
         upper = self._boxed.upper
         anchor = tuple(high if sized else value for value, high, sized in zip(values, upper, self.sized, strict=True))
         if anchor not in self._systems:
-            self._systems[anchor] = answer_linearly(self._boxed.at(self._boxed.setting(anchor)))
+            self._systems[anchor] = self._computed(anchor)
         answer = self._systems[anchor]
         if anchor == values:
             return answer
@@ -121,6 +134,10 @@ class _Answers:
         covariance = answer.model.covariance * np.outer(scales, scales)
         return resize(answer, answer.model.mean, covariance, squares)
 
+    def _computed(self, values: Values) -> LinearAnswer:
+        """Compute the linear system of a setting."""
+        return answer_linearly(self._derivatives.along(self._boxed.at(self._boxed.setting(values))))
+
     def _examine(self) -> bool:
         """Return whether resized answers are those of the engine, at the lower ends of sizes and half-way."""
         boxed = self._boxed
@@ -130,7 +147,7 @@ class _Answers:
                 for spec, sized in zip(boxed.ranges, self.sized, strict=True)
             )
             self.examined += 1
-            if not _same(self.at(values), answer_linearly(boxed.at(boxed.setting(values)))):
+            if not _same(self.at(values), self._computed(values)):
                 self._known.clear()
                 return False
         return True
@@ -145,12 +162,16 @@ def _same(resized: LinearAnswer, computed: LinearAnswer) -> bool:
         least = np.maximum(SAME * np.nanmax(np.abs(other), axis=0, initial=0.0), computed.model.floor)
         return one.shape == other.shape and bool(np.all(np.nan_to_num(np.abs(one - other)) <= least))
 
-    if not close(resized.sigma[None], computed.sigma[None]):
-        return False
-    if resized.history is None or computed.history is None:
-        return resized.history is computed.history
-    one, other = resized.history, computed.history
-    return close(one.sigma, other.sigma) and close(one.sigma_filter, other.sigma_filter)
+    def over_time(one: LinearCovariance | None, other: LinearCovariance | None) -> bool:
+        if one is None or other is None:
+            return one is other
+        return close(one.sigma, other.sigma) and close(one.sigma_filter, other.sigma_filter)
+
+    return (
+        close(resized.sigma[None], computed.sigma[None])
+        and over_time(resized.history, computed.history)
+        and over_time(resized.smoothed, computed.smoothed)
+    )
 
 
 def _sized(
@@ -160,6 +181,7 @@ def _sized(
     if number is None or not spec.span.high > 0.0 or spec.span.low < 0.0:
         return None
     rest = spec.path.removeprefix(number.path).strip(".").split(".") if spec.path != number.path else []
+    component = int(rest.pop()) - 1 if rest and isinstance(spec.place[-1], int) else None
     axes = [name for name in rest if any(name in known for known in ALL_AXES)]
     if any(name not in SIZED and name not in axes for name in rest):
         return None
@@ -169,12 +191,16 @@ def _sized(
         return of_axis and owner_of(cause, boxed.sheet) is number
 
     model = answer.model
-    sources = tuple(place for place, source in enumerate(answer.sources) if is_sized(source.name))
-    processes = tuple(name for name in model.processes if is_sized(name))
-    if not (sources or processes) or np.any(model.mean[list(sources)]):
+    sources = [place for place, source in enumerate(answer.sources) if is_sized(source.name)]
+    processes = [name for name in model.processes if is_sized(name)]
+    if component is not None:  # of a list by axis
+        if any(causes and len(causes) <= component for causes in (sources, processes)):
+            return None
+        sources, processes = sources[component:][:1], processes[component:][:1]
+    if not (sources or processes) or np.any(model.mean[sources]):
         return None
     shared = model.covariance - np.diag(np.diag(model.covariance))
-    return _Sized(sources, processes, not np.any(shared[list(sources)]))
+    return _Sized(tuple(sources), tuple(processes), not np.any(shared[sources]))
 
 
 class _Study:
@@ -211,11 +237,19 @@ class _Study:
     @cached_property
     def _maxima(self) -> Maxima:
         """The search of all ranges that are not monotone."""
-        systems = [number for number, place in enumerate(self._searched) if self.answers.sized[place] is None]
-        expected = len({tuple(point[number] for number in systems) for point in grid(len(self._searched))})
-        if expected > MANY:
-            note(f"{len(self._boxed.ranges)} ranges: at least {expected} linear answers, at most {MOST + expected}")
-        maxima = Maxima(len(self._searched), self._badness, MOST + expected)
+        points = grid(len(self._searched))
+        unsized = [number for number, place in enumerate(self._searched) if self.answers.sized[place] is None]
+        least = len({tuple(point[number] for number in unsized) for point in points})
+        narrowed = 0 if self._filter_alone else NARROWED * len(unsized)
+        expected = least + max(REFINED[0], round(REFINED[1] * least)) + narrowed
+        most = int(OVERRUN * expected) - least - narrowed if unsized else MOST
+        maxima = Maxima(len(self._searched), self._badness, len(points) + most)
+        if unsized:
+            began = perf_counter()
+            maxima.at(points[1])
+            seconds = expected * (perf_counter() - began)
+            if expected > MANY or seconds > SLOW:
+                note(f"ranges to be searched: {len(unsized)}, with some {expected} linear answers, {duration(seconds)}")
         asked, count = len(self._nominal.requirements), len(self._nominal.requirements) + 1 + len(self._nominal.outputs)
         maxima.search([asked] if self._filter_alone else range(2 * count))
         return maxima

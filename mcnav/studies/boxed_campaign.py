@@ -77,9 +77,10 @@ class BoxedCampaign:
             content = self.content(setting, held)
             return parse_campaign(content, document.file, document.stem, overrides, code=document.code)
         except CampaignError as wrong:
-            shown = ", ".join(f"{path} = {value}" for path, value in setting.items())
-            problems = [replace(problem, message=f"{problem.message} (with {shown})") for problem in wrong.problems]
-            raise CampaignError(problems[:1]) from None
+            values = ", ".join(f"{path} = {value}" for path, value in setting.items())
+            first = wrong.problems[0]
+            message = f"{first.message} (a setting of the ranges: {values})"
+            raise CampaignError([replace(first, message=message)]) from None
 
     def document_at(self, setting: Setting) -> Document:
         """Return the campaign file of a setting, which states beliefs of ranges below their upper ends alone."""

@@ -9,9 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.analysis.corrected_moments import CorrectedMoments, corrected_moments
+from mcnav.analysis.corrected_moments import CorrectedMoments
 from mcnav.analysis.examination import CheckFlights, Examination, Linearity, examine, refuse
 from mcnav.analysis.model import Model
+from mcnav.analysis.moment_correction import correct_moments
 from mcnav.config.read import Campaign
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.contract.members import ready_engine
@@ -130,12 +131,12 @@ def _corrected(errors: ErrorModel, model: Model, engine: Engine, examined: Exami
         order = second_order(without_noise(engine), errors.mean, errors.covariance, STEP)
     except SimulationFailed:
         return None
-    moments, linear = corrected_moments(model, order, examined), np.sqrt(np.diag(model.outcome_covariance))
+    moments, linear = correct_moments(model, order, examined), np.sqrt(np.diag(model.outcome_covariance))
     needed = np.array([output.verdict != Linearity.HOLDS for output in examined.outputs])
     if not np.any(needed & ~moments.improves(linear)):
         return moments
     further = _examine_by(CORRECTING, model, errors, engine, examined.tolerance)
-    return moments if further.failed else corrected_moments(model, order, further)
+    return moments if further.failed else correct_moments(model, order, further)
 
 
 def _examine_by(effort: Effort, model: Model, errors: ErrorModel, engine: Engine, tolerance: float) -> Examination:

@@ -136,8 +136,8 @@ def case_of_run(content: RunAnalysis, document: Document, beside: str) -> Case |
             at = instant(time, label)
         shares = shares_by_kind((entry.name, entry.share) for entry in judged.neglected)
     sources = tuple(
-        Source(each.name, each.unit, each.shown_in, 0.0, group=each.group or "")
-        for each in content.manifest.model.sources
+        Source(source.name, source.unit, source.shown_in, 0.0, group=source.group or "")
+        for source in content.manifest.model.sources
     )
     return Case(
         document, beside, sources, tuple(summary.names), what_if, "requirement" if unmet else "filter", departing,

@@ -100,7 +100,8 @@ def _refuse_faults(campaign: Campaign, files: RecordingFiles, recording: Recordi
         )
     )
     position = max(sigmas.get(f"position_{axis}", 0.0) for axis in ("north", "east", "down"))
-    fault = find_fault(recording, position, sigmas.get("heading", 0.0))
+    scale = max((sigma for name, sigma in sigmas.items() if "_scale_factor_" in name), default=0.0)
+    fault = find_fault(recording, position, sigmas.get("heading", 0.0), scale)
     if fault is None:
         return
     of_sensors = {**{name: file.path for name, file in recordable(campaign).logs.items()}, **files.measurements}

@@ -33,7 +33,7 @@ from mcnav.report.document.parts import Page
 from mcnav.report.pages.lincov_page import page
 from mcnav.report.statements.lincov import final_nominal
 from mcnav.studies.changeable_content import changeable_content
-from mcnav.studies.linear_answers import linear_covariance, outages_of
+from mcnav.studies.linear_covariance import linear_covariance, outages_of
 from mcnav.workflow.what_if import what_if_of_answer
 
 FILE: Final = "lincov.json"
@@ -186,6 +186,7 @@ def box_entry(box: Box, names: Sequence[str]) -> Mapping[str, object]:
         "settings": box.settings,
         "systems": box.systems,
         "held": list(box.held),
+        **({} if box.gated is None else {"gated": dict(box.gated)}),
         "narrowed": [asdict(row) for row in box.narrowed],
     }  # fmt: skip
 

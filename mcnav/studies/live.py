@@ -24,7 +24,7 @@ from mcnav.store.run_files import REPORT
 from mcnav.studies.boxed_run import at_worst
 from mcnav.studies.changeable_content import changeable_content
 from mcnav.studies.lincov import Changeable, lincov_page
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.live_run import REFUSED, RunningCampaign, in_one_line
 from mcnav.studies.shared_derivatives import SharedDerivatives
 

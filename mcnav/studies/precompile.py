@@ -21,7 +21,7 @@ from mcnav.execution.child_processes import end_with_parent, interrupts_blocked
 from mcnav.execution.progress import COMPILATION, SILENT
 from mcnav.linear.partials import SimulationFailed
 from mcnav.linear.polynomial_engine import engine_names
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.start_times import write_start_times
 from mcnav.workflow.run import run_campaign
 

@@ -12,7 +12,7 @@ class SharedDerivatives:
     """Campaigns whose derivatives others may use again, for linear answers."""
 
     def __init__(self, *campaigns: Campaign) -> None:
-        self._known = [each.scenario for each in campaigns if isinstance(each.scenario, ClosedLoopScenario)]
+        self._known = [campaign.scenario for campaign in campaigns if isinstance(campaign.scenario, ClosedLoopScenario)]
 
     def along(self, campaign: Campaign) -> Campaign:
         """Return a campaign that uses known derivatives where its scenario can; otherwise it joins the known ones."""

@@ -24,7 +24,8 @@ from mcnav.physics.units import quantity
 from mcnav.report.document.html import page_html
 from mcnav.report.pages.lincov_page import page as lincov_page
 from mcnav.statistics.normal_box import normal_box_probability
-from mcnav.studies.linear_answers import answer_linearly, linear_covariance
+from mcnav.studies.linear_answers import answer_linearly
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.workflow.what_if import what_if_of_answer
 from tests.browser.conftest import Browser
 from tests.campaigns.test_what_if import AIDED, CAMPAIGNS

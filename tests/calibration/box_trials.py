@@ -1,19 +1,19 @@
 """Random boxes of campaigns beside brute grids: is the worst ever below a grid's, and equal where it is monotone?
 
-``python -m tests.calibration.box_trials FILE [BOXES] [SECONDS]`` (`make calibrate CALIBRATE="--alone boxes"`) draws
-boxes of campaigns 15, 19 and 24 in turn. A box has two to six sizes, and every fourth one a correlation time and the
-begin of an outage besides. A grid has all upper and all lower ends, random corners and inner points; the engine answers
-each as a campaign of its own. No box begins after some processor time, and the number of boxes is printed.
+``python -m tests.calibration.box_trials FILE [FIRST] [COUNT]`` (`make calibrate CALIBRATE="--alone boxes"`) draws boxes
+of campaigns 15, 19 and 24 in turn; the flights of 15 and 19 are cut to a minute, so that a linear answer takes a
+twentieth of a second. A box has two to ten sizes, some of two axes alone, and every second one of a flight a
+correlation time, the begin of an outage or a lever arm besides. A grid has all upper and
+all lower ends, random corners and inner points; the engine answers each as a campaign of its own.
 """
 
 from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
-from time import process_time
 from typing import Any, Final
 
 import numpy as np
@@ -28,6 +28,7 @@ from mcnav.physics.units import multiplied
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
 from mcnav.studies.linear_answers import answer_linearly
+from mcnav.studies.shared_derivatives import SharedDerivatives
 
 CSV: Final = "boxes.csv"
 
@@ -35,10 +36,22 @@ CAMPAIGNS: Final = Path(__file__).parents[2] / "campaigns"
 
 NAMES: Final = ("15_flight_navigation_grade", "19_flight_with_gnss", "24_rendezvous")
 
-BOXES: Final = 200
+QUANTILE: Final = {"output": "position_east", "probability": 0.95, "below": "100 m"}
+R95: Final = {"outputs": ["position_north", "position_east"], "below": "20 m", "during": "outages"}
 
-SECONDS: Final = 600.0
-"""Processor time after which no further box begins."""
+SHORT: Final[Mapping[str, Mapping[str, Value]]] = {
+    NAMES[0]: {"scenario.end": "60 s", "accept": {"quantile": [QUANTILE]}},
+    NAMES[1]: {
+        "scenario.end": "60 s",
+        "aiding.gnss.interval": "2 s",
+        "aiding.gnss.outages": [["30 s", "50 s"]],
+        "accept": {"r95": [R95]},
+    },
+    NAMES[2]: {},
+}
+"""What makes the campaigns short, and gives them a requirement."""
+
+BOXES: Final = 200
 
 EXACT: Final = 1e-6
 """Relative difference up to which extremes of a monotone box are those of its ends."""
@@ -46,8 +59,18 @@ EXACT: Final = 1e-6
 ROUNDING: Final = 1e-9
 
 CORNERS: Final = 3
-INNER: Final = 2
+INNER: Final = 3
 """Random corners, and inner points, of a grid besides all ends."""
+
+MOST: Final = 10
+MOST_SEARCHED: Final = 4
+"""Sizes with ranges; where they are correlated, or other ranges are searched besides."""
+
+SEVERAL: Final = 0.2
+"""Share of boxes with several ranges that are no sizes."""
+
+BY_AXIS: Final = 0.3
+"""Share of sizes of which the first and the third axis have the range, and the second does not."""
 
 
 @dataclass(frozen=True)
@@ -69,41 +92,49 @@ class Row:
     apart: float
 
 
-def boxes(count: int, seconds: float) -> Iterator[Row]:
-    """Try so many boxes, or as many as begin within a processor time, s."""
-    began = process_time()
-    documents = [document_of(CAMPAIGNS / f"{name}.toml") for name in NAMES]
+def boxes(seeds: Iterable[int]) -> Iterator[Row]:
+    """Try the boxes of some seeds."""
+    documents = [_short(document_of(CAMPAIGNS / f"{name}.toml"), SHORT[name]) for name in NAMES]
     sheets = [
         data_sheet_numbers(document.content, parse_document(document, {}).scenario.sources) for document in documents
     ]
-    for seed in range(count):
-        if process_time() - began > seconds:
-            return
+    for seed in seeds:
         place, random = seed % len(NAMES), np.random.default_rng([59, seed])
-        ranges = drawn(random, sheets[place], documents[place], seed // len(NAMES) % 4 == 3)
+        ranges = drawn(random, sheets[place], documents[place], seed // len(NAMES) % 2 == 1)
         with one_thread():
             yield tried(random, documents[place], ranges, NAMES[place], seed)
+
+
+def _short(document: Document, changes: Mapping[str, Value]) -> Document:
+    return replace(document, content=override(document.content, changes, document.file))
 
 
 def drawn(
     random: np.random.Generator, sheet: list[DataSheetNumber], document: Document, searched: bool
 ) -> dict[str, Value]:
-    """Draw ranges by path: sizes over factors of up to ten; where asked for, a time that is searched besides."""
+    """Draw ranges by path: sizes over factors of up to ten; where asked for, numbers that are searched besides."""
     ranges = dict[str, Value]()
     sized = [number for number in sheet if isinstance(number.entry, str) or "sigma" in number.entry]  # type: ignore[operator]
-    for k in random.permutation(len(sized))[: random.integers(2, 7)]:
+    most = MOST_SEARCHED if searched or "correlations" in document.content else MOST
+    for k in random.permutation(len(sized))[: random.integers(2, most + 1)]:
         number = sized[k]
         high = float(10.0 ** random.uniform(-0.3, 0.5))
         low = high * float(10.0 ** random.uniform(-1.0, -0.1))
-        ranges[number.path] = _ranged(number.entry, low, high)
+        entry = _ranged(number.entry, low, high)
+        by_axis = isinstance(entry, str) and number.path.endswith((".bias", ".scale_factor", ".position", ".velocity"))
+        ranges[number.path] = [entry, number.entry, entry] if by_axis and random.random() < BY_AXIS else entry
     processes = [number for number in sized if isinstance(number.entry, dict) and "correlation_time" in number.entry]
-    if searched and processes:
+    several = random.random() < SEVERAL
+    if searched and processes and (several or random.random() < 0.5 or not document.content.get("aiding")):
         number = processes[int(random.integers(len(processes)))]
         entry: Any = number.entry
         time = f"{multiplied(entry['correlation_time'], 0.2)}..{multiplied(entry['correlation_time'], 3.0)}"
         ranges[number.path] = {**entry, "correlation_time": time}
+        searched = several
     if searched and document.content.get("aiding"):
-        ranges["aiding.gnss.outages"] = [["1200..1400 s", "1500 s"]]
+        ranges |= {"aiding.gnss.outages": [["20..40 s", "50 s"]]} if random.random() < 0.5 else {
+            "aiding.gnss.lever_arm": ["0..3 m", "1 m", "0 m"]
+        }  # fmt: skip
     return ranges
 
 
@@ -121,10 +152,11 @@ def tried(random: np.random.Generator, document: Document, ranges: dict[str, Val
     box = answer_box(boxed.nominal, answer_linearly(boxed.nominal), boxed)
     spreads, axes = [*box.outputs, *box.requirements], len(boxed.ranges)
     shares = [np.ones(axes), np.zeros(axes), *random.integers(0, 2, (CORNERS, axes)), *random.random((INNER, axes))]
+    derivatives = SharedDerivatives()
     grid = [
-        answer_linearly(boxed.at(boxed.setting([
+        answer_linearly(derivatives.along(boxed.at(boxed.setting([
             spec.span.at(float(share)) for spec, share in zip(boxed.ranges, row, strict=True)
-        ])))
+        ]))))
         for row in shares
     ]  # fmt: skip
     rows = np.array([measures(answer) for answer in grid])
@@ -150,27 +182,21 @@ def ratio(answer: LinearAnswer) -> float:
     return float(np.nanmax(np.column_stack([answer.filter.ratios, *answer.filter.groups.values()])))
 
 
-def write_boxes(path: Path, count: int = BOXES, seconds: float = SECONDS) -> None:
+def write_boxes(path: Path, first: int = 0, count: int = BOXES) -> None:
     """Write a row for each box as it is known, and print the rates."""
     rows = list[Row]()
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
         table.writerow([field.name for field in fields(Row)])
-        for row in boxes(count, seconds):
+        for row in boxes(range(first, first + count)):
             rows.append(row)
             table.writerow([f"{value:.3g}" if isinstance(value, float) else value for value in astuple(row)])
             file.flush()
     exact, searched = ([row for row in rows if row.exact is wanted] for wanted in (True, False))
     never, equal = sum(row.above <= ROUNDING for row in searched), sum(row.apart <= EXACT for row in exact)
-    print(f"{len(rows)} of {count} boxes")
     print(f"{never} of {len(searched)} that are searched are never below their grid")
     print(f"{equal} of {len(exact)} that are monotone equal their ends to {EXACT:g}")
 
 
 if __name__ == "__main__":
-    arguments = sys.argv[1:]
-    write_boxes(
-        Path(arguments[0]),
-        int(arguments[1]) if len(arguments) > 1 else BOXES,
-        float(arguments[2]) if len(arguments) > 2 else SECONDS,
-    )
+    write_boxes(Path(sys.argv[1]), *map(int, sys.argv[2:4]))

@@ -128,7 +128,7 @@ def simulated() -> Assessment:
 def pasted(finding: Finding) -> Campaign:
     """Return the campaign with the printed TOML of a finding pasted: each entry in its table, a sensor's in its own."""
     content = tomllib.loads(CAMPAIGN)
-    for table, entries in tomllib.loads(to_paste(SimpleNamespace(findings=[finding]))).items():  # type: ignore[arg-type]
+    for table, entries in tomllib.loads(to_paste(SimpleNamespace(findings=[finding], explained=True))).items():  # type: ignore[arg-type]
         _paste(content, table, entries)
     return campaign_from(content)
 

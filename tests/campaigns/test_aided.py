@@ -17,7 +17,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.store.run_folder import RunFolder
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.systems.ins.aided import TOLERANCE
 from mcnav.systems.ins.imu.instruments import OUTPUTS
 from mcnav.systems.ins.scenario import Ins

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import tomli_w
 
+from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.remedies import DOUBTED
 from mcnav.arrays.types import Array
@@ -23,7 +24,9 @@ from mcnav.config.overrides import override
 from mcnav.config.read import Campaign, campaign_from, parse_campaign
 from mcnav.errors import CampaignError
 from mcnav.report.pages.tune import verdict
+from mcnav.report.statements.box import box_words
 from mcnav.report.statements.sweep import remarks
+from mcnav.studies import box as box_study
 from mcnav.studies import boxed_run
 from mcnav.studies.allocate import allocate
 from mcnav.studies.box import answer_box
@@ -141,8 +144,11 @@ def test_ten_sizes_take_a_few_linear_answers_and_are_exact() -> None:
     assert box.narrowed[0].gain > 0.0
 
 
-def test_what_is_not_monotone_is_never_below_a_grid() -> None:
-    """A correlation time, and the end of an outage, with a size beside them."""
+def test_what_is_not_monotone_is_never_below_a_grid(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A correlation time, and the end of an outage, with a size beside them; their cost is told within 1.5 times."""
+    monkeypatch.setattr(box_study, "SLOW", 0.0)
     for key, written in (
         ("imu.gyro.bias_instability.correlation_time", "10..1000 s"),
         ("aiding.gnss.outages.1.2", "70..110 s"),
@@ -153,10 +159,49 @@ def test_what_is_not_monotone_is_never_below_a_grid() -> None:
         campaign = campaign_with(ranges)
         worst, best, box = extremes(campaign)
         assert not box.exact
+        (told,) = re.findall(r"some (\d+) linear answers", capsys.readouterr().err)
+        assert int(told) / 1.5 <= box.systems <= 1.5 * int(told)
         grid = {key: (0.0, 0.3, 1.0), "aiding.gnss.position": (0.0, 1.0)}
         rows = brute(campaign, grid)
         assert (worst >= rows.max(axis=0) * (1.0 - 1e-9)).all()
         assert (best <= rows.min(axis=0)[:-1] * (1.0 + 1e-9)).all()
+
+
+def test_an_axis_of_a_list_is_a_size() -> None:
+    """Ranges of single axes, one of them of a process: exact with the two systems of the examination besides."""
+    bias, walk = ["0.1..2 deg/h", "1 deg/h", "1 deg/h"], ["0.1 deg/sqrt(h)", "0.05..0.2 deg/sqrt(h)", "0.1 deg/sqrt(h)"]
+    campaign = campaign_with({"imu.gyro.bias": bias, "imu.gyro.angle_random_walk": walk})
+    worst, best, box = extremes(campaign)
+    assert (box.exact, box.systems) == (True, 3)
+    rows = brute(campaign, dict.fromkeys(box.ranges, (0.0, 1.0)))
+    assert worst[:-1] == pytest.approx(rows.max(axis=0)[:-1], rel=1e-6)
+    assert best == pytest.approx(rows.min(axis=0)[:-1], rel=1e-6)
+
+
+def test_gates_that_reject_good_measurements_are_the_reason_why_nothing_is_judged() -> None:
+    """A gate of 99 % rejects a measurement in nine flights of a hundred: nothing over the ranges is then known."""
+    campaign = campaign_with({"aiding.gnss.position": "1..5 m", "filter.gate": 0.99})
+    answer = answer_linearly(campaign)
+    box = answer_box(campaign, answer)
+    assert box.gated == {"aiding.gnss.position": "5.0 m"}
+    assert all(np.isnan([spread.worst.value, spread.best.value]).all() for spread in box.requirements)
+    assert box.filter is not None
+    assert Honesty.CONSISTENT not in (box.filter.optimistic.verdict, box.filter.pessimistic.verdict)
+    reason, tone = box_words(replace(answer, box=box))[0]
+    assert tone == "undecided"
+    assert "gates reject good measurements with aiding.gnss.position = 5.00 m" in reason
+
+
+def test_settings_of_a_dictionary_have_no_defaults_of_the_upper_ends() -> None:
+    """A flight of 100 to 140 s ends with each setting, and not where the longest does."""
+    flight = {
+        "rate": "1 Hz",
+        "start": {"latitude": "47 deg", "longitude": "9 deg"},
+        "segments": [{"hold": "100..140 s"}],
+    }
+    boxed = BoxedCampaign(campaign_with({"scenario.trajectory": flight}))
+    ends = [boxed.at(boxed.setting([length])).resolved["scenario"]["end"] for length in (100.0, 140.0)]
+    assert ends == ["100.0 s", "140.0 s"]
 
 
 def test_correlated_sizes_are_searched_without_further_linear_answers() -> None:

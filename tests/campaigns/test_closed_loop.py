@@ -17,7 +17,7 @@ from mcnav.config.read import read_campaign
 from mcnav.contract.samples import Batch
 from mcnav.errors import CampaignError
 from mcnav.report.statements.lincov import mean_words
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.linearity import linearity_study
 from mcnav.systems.closed_loop.sizes import LoopSizes
 from mcnav.systems.user.conformance import check_conformance

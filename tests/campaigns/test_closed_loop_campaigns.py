@@ -16,7 +16,7 @@ from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
 from mcnav.contract.samples import Batch
 from mcnav.report.statements.lincov import mean_words
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.systems.steady.linearized import linearize
 from mcnav.systems.steady.truth import Error
 from tests.closed_loops import FILE, campaign, tables

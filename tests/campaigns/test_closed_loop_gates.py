@@ -16,7 +16,7 @@ from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import has_gates
 from mcnav.errors import CampaignError
 from mcnav.studies.lincov import lincov_table
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.workflow.run import run_campaign
 from tests.closed_loops import FILE, tables
 

@@ -16,7 +16,7 @@ import tomli_w
 
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.config.read import parse_campaign, read_campaign
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from tests.commands import invoke
 from tests.scaled_errors import scaled_errors
 

@@ -27,7 +27,7 @@ from mcnav.config.templates import new_scenario
 from mcnav.physics.units import conversion
 from mcnav.report.format import number
 from mcnav.report.names import humanize
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.index import write_index
 from mcnav.workflow.run import run_campaign

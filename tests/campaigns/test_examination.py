@@ -26,7 +26,7 @@ from mcnav.sampler.distributions import Normal, Uniform
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.studies import examine
 from mcnav.studies.lincov import write_lincov
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.systems.guard import call_user
 from mcnav.systems.ins.aided import AidedNavigation
 from mcnav.systems.ins.ensemble.aided import AidedTables

@@ -23,7 +23,7 @@ from mcnav.report.pages.sweep_page import point_table
 from mcnav.report.results.model import RunAnalysis
 from mcnav.runner.draws import DrawPlan
 from mcnav.store.run_folder import RunFolder
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.analyse import analyse, report_run
 from mcnav.workflow.check import by_counting

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from mcnav.config.read import read_campaign
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.workflow.run import run_campaign
 from tests.commands import invoke
 

@@ -23,7 +23,7 @@ from mcnav.report.statements.sweep import remarks
 from mcnav.runner.draws import DrawPlan
 from mcnav.studies.allocate import allocate
 from mcnav.studies.lincov import lincov_table
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.rejections import rejections_of, unseen_rejections
 from mcnav.workflow.run import run_campaign

@@ -13,7 +13,7 @@ import pytest
 
 from mcnav.config.read import Campaign, parse_campaign
 from mcnav.contract.samples import Batch
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.systems.reentry.guided.linear import LinearFlight
 from mcnav.systems.reentry.guided.remarks import doubtful_end, draw_flights, rival_maxima
 from mcnav.systems.reentry.guided.scenario import GuidedReentry

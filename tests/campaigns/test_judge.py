@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -17,7 +18,8 @@ from typer.testing import CliRunner
 from mcnav.cli import app
 from mcnav.judgement.findings import CauseVerdict, Finding, OffsetVerdict
 from mcnav.judgement.profile import Factor
-from mcnav.report.pages.judged import offset_words, to_paste
+from mcnav.judgement.verdict import Judgement
+from mcnav.report.pages.judged import offset_words, to_paste, verdict
 from tests.recorded_flights import SHORT
 
 RUNNER = CliRunner()
@@ -141,7 +143,9 @@ def test_what_is_to_be_pasted_is_one_document_with_each_table_once() -> None:
         "gnss_lever_arm", "[[aiding]] gnss: lever_arm", tuple("xyz"), "m", "cm", (-0.8, 0.0, 0.1), (0.1,) * 3,
         (0.0, 0.0, 0.0), 9.0, (),
     )  # fmt: skip
-    found: Any = SimpleNamespace(findings=[Finding(number, (), 0.5) for number in (walk, delay, arm, bias)])
+    found: Any = SimpleNamespace(
+        findings=[Finding(number, (), 0.5) for number in (walk, delay, arm, bias)], explained=True
+    )
     pasted = tomllib.loads(to_paste(found))
     assert list(pasted["imu"]["gyro"]) == ["angle_random_walk", "bias_instability"]
     assert pasted["imu"]["gyro"]["bias_instability"]["correlation_time"] == "30 s"
@@ -149,6 +153,27 @@ def test_what_is_to_be_pasted_is_one_document_with_each_table_once() -> None:
     assert pasted["aiding"][0]["lever_arm"] == ["80 cm", "0 cm", "-10 cm"]
     assert "taken 50.0 ± 3.9 ms before their stamps" in offset_words(delay)
     assert "true are x 80.0 ± 20, " in offset_words(arm)
+
+
+def test_what_comes_nearest_is_no_verdict_where_it_does_not_explain_the_record() -> None:
+    """After three numbers none of 300 records is as unusual: no interval is stated, and nothing is to be pasted."""
+    walk = CauseVerdict(
+        "gyro_angle_random_walk", "[imu.gyro] angle_random_walk", 1e-4, "rad/sqrt(s)", "deg/sqrt(h)",
+        Factor(9.0, 8.0, 10.0), 9.0, None, (), (),
+    )  # fmt: skip
+
+    def judged_with(left: float) -> Judgement:
+        return Judgement(60.0, 100, 300, 1.0 / 301.0, (Finding(walk, (), left),), (), (), (), (), (), np.zeros((0, 9)))
+
+    nearest = judged_with(1.0 / 301.0)
+    assert not nearest.explained
+    assert "no number of the campaign explains it" in verdict(nearest).headline
+    assert "9.00 times" not in str(verdict(nearest))
+    assert to_paste(nearest) == ""
+    assert "no single number explains it" in repr(replace(nearest, causes=(walk,)))
+    named = judged_with(2.0 / 301.0)
+    assert verdict(named).headline.endswith("is 9.00 times too small: 8.00 to 10.0.")
+    assert "angle_random_walk = " in to_paste(named)
 
 
 def test_statistics_of_the_record_are_in_the_file() -> None:

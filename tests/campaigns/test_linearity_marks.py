@@ -16,7 +16,7 @@ import mcnav
 from mcnav.analysis.examination import Linearity
 from mcnav.config.read import read_campaign
 from mcnav.report.pages.run.sections.remedies import fix
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.live import LiveCampaign
 from mcnav.studies.remedies import remedies_of_answer
 from mcnav.studies.sweep import SweepPlan, run_sweep

@@ -11,7 +11,7 @@ import pytest
 
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.systems.histories import drawable_history
 from mcnav.systems.steady.scenario import Cruise
 from mcnav.systems.steady.truth import Earth, SteadyFlight

@@ -18,7 +18,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.report.columns.output_columns import outputs_frame
 from mcnav.report.statements.means import large_means_of, mean_sentence
 from mcnav.report.statements.verdicts import standing, statements, tone
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.run import run_campaign

@@ -24,7 +24,7 @@ from mcnav.frames.runs import open_run
 from mcnav.store.run_files import MANIFEST, as_text, json_digest
 from mcnav.store.run_folder import RunFolder
 from mcnav.studies.allocate import allocate
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.analyse import report_run
 from mcnav.workflow.compare import compare_runs

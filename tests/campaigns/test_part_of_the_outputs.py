@@ -9,7 +9,7 @@ import pytest
 
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from tests.commands import invoke
 from tests.runs import simulate
 

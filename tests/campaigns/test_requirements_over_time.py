@@ -17,7 +17,7 @@ from mcnav.report.columns.requirements import requirement_rows
 from mcnav.report.figures.captions import words_on
 from mcnav.report.figures.requirements import requirements_over_time
 from mcnav.report.results.model import RunAnalysis
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.workflow.run import run_campaign
 from tests.campaigns.test_ins import described
 

@@ -11,7 +11,7 @@ import pytest
 from mcnav.config.read import read_campaign
 from mcnav.frames.runs import RunResult
 from mcnav.store.run_folder import RunFolder
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.heavy_tails import withheld_outputs
 from mcnav.workflow.recorded_model import linear_model

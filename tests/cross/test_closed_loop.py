@@ -11,7 +11,7 @@ from scipy import linalg
 
 from mcnav.arrays.types import Array
 from mcnav.config.campaign import Campaign
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from tests.closed_loops import CAMPAIGNS, campaign
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mcnav.contract.samples import Batch
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from tests.cross.test_closed_loop import MATCHED, campaign, covariance, sigmas
 
 

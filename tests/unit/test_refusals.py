@@ -17,7 +17,7 @@ from mcnav.errors import NumericalError
 from mcnav.statistics import proportions, refusals
 from mcnav.statistics.gates import GatedError
 from mcnav.statistics.normal_size import NormalSize
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 
 
 @pytest.fixture

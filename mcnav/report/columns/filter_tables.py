@@ -68,18 +68,18 @@ def filter_answers(content: RunAnalysis, outputs: Sequence[OutputEntry]) -> list
     return [_answer(result, entry, known[entry.name]) for entry in outputs]
 
 
-def _answer(consistency: FilterConsistency, entry: OutputEntry, each: SigmaConsistency) -> FilterAnswer:
-    sigma, honesty = float(sigmas(each)["filter"][-1]), each.finding.verdict.value
-    return FilterAnswer(entry, sigma, honesty, _worst(consistency, each), _ratio(consistency, each))
+def _answer(consistency: FilterConsistency, entry: OutputEntry, judged: SigmaConsistency) -> FilterAnswer:
+    sigma, honesty = float(sigmas(judged)["filter"][-1]), judged.finding.verdict.value
+    return FilterAnswer(entry, sigma, honesty, _worst(consistency, judged), _ratio(consistency, judged))
 
 
-def _ratio(consistency: FilterConsistency, each: SigmaConsistency) -> Cell:
+def _ratio(consistency: FilterConsistency, judged: SigmaConsistency) -> Cell:
     """Write the ratio by which an output is judged: where it is farthest off, with when that is."""
-    finding = each.finding
+    finding = judged.finding
     if finding.factor is None or not np.isfinite(finding.factor):
         return Cell("–")
     when = "" if finding.worst is None else instant(float(consistency.times[finding.worst]), consistency.label)
-    strip = Strip.of(finding.factor, deciding_interval(finding, each.ratio.each), consistency.tolerance)
+    strip = Strip.of(finding.factor, deciding_interval(finding, judged.ratio.each), consistency.tolerance)
     return Cell(rounded(finding.factor), below=when.replace(" ", "\N{NO-BREAK SPACE}"), strip=strip)
 
 
@@ -99,23 +99,23 @@ def interval_at_worst(consistency: FilterConsistency) -> tuple[float, float] | N
     """Return that interval of a consistent filter's ratio farthest from one; none where it is not known."""
     known = consistency.groups if consistency.group else consistency.outputs
     name = consistency.group or consistency.output
-    found = next((each for each in known if each.name == name), None)
+    found = next((judged for judged in known if judged.name == name), None)
     return None if found is None else deciding_interval(found.finding, found.ratio.each)
 
 
-def _worst(consistency: FilterConsistency, each: SigmaConsistency) -> WorstSigmas | None:
+def _worst(consistency: FilterConsistency, judged: SigmaConsistency) -> WorstSigmas | None:
     """Return the sigmas where the true one is largest after the start, by linear analysis where that is known.
 
     None at the end, and where nothing is known.
     """
-    values = each.true if each.true_linear is None else each.true_linear
+    values = judged.true if judged.true_linear is None else judged.true_linear
     later = np.where(np.isfinite(values[1:]), values[1:], -np.inf)
     if not np.isfinite(later).any():
         return None
     place = int(np.argmax(later)) + 1
     if place == len(consistency.times) - 1:
         return None
-    whose, time = {name: float(sigma[place]) for name, sigma in sigmas(each).items()}, float(consistency.times[place])
+    whose, time = {name: float(sigma[place]) for name, sigma in sigmas(judged).items()}, float(consistency.times[place])
     return WorstSigmas(
         time=time,
         when=instant(time, consistency.label),

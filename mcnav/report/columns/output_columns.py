@@ -137,8 +137,8 @@ def _ratio(
 ) -> ResultColumn[OutputEntry]:
     """Return a column of sigma ratios with their intervals, which a page has below them."""
 
-    def both(each: OutputEntry) -> Cell:
-        return Cell(number(value(each), 5), below=interval(*ends(each)))
+    def both(entry: OutputEntry) -> Cell:
+        return Cell(number(value(entry), 5), below=interval(*ends(entry)))
 
     shown: tuple[Column[OutputEntry], ...] = (
         Column(f"{kind.capitalize()} ratio", both, place="page"),
@@ -157,16 +157,16 @@ def _decimals(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.4f}"
 
 
-def _verdict(each: OutputEntry) -> Cell:
-    needed = each.samples_needed
-    below = f"needs {more_samples(needed, each.summary.samples)}" if needed else ""
-    return Cell(each.verdict or "–", tone=each.verdict if each.verdict in VERDICTS else None, below=below)
+def _verdict(entry: OutputEntry) -> Cell:
+    needed = entry.samples_needed
+    below = f"needs {more_samples(needed, entry.summary.samples)}" if needed else ""
+    return Cell(entry.verdict or "–", tone=entry.verdict if entry.verdict in VERDICTS else None, below=below)
 
 
-def _bias(each: OutputEntry) -> Cell:
+def _bias(entry: OutputEntry) -> Cell:
     """Give the bias in per cent of the linear sigma, with its standard error."""
-    sigma = each.at(each.summary.sigma_linear)
-    bias, error = each.at(each.summary.bias), each.at(each.summary.bias_standard_error)
+    sigma = entry.at(entry.summary.sigma_linear)
+    bias, error = entry.at(entry.summary.bias), entry.at(entry.summary.bias_standard_error)
     if not sigma or bias is None or error is None:
         return Cell("–")
     value, *rest = with_error(100.0 * bias / sigma, 100.0 * error / sigma).split(" ")

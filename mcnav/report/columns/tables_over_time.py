@@ -41,14 +41,14 @@ def _ends(bands: Sequence[Band | None]) -> Array:
 
 
 def _sigma(name: str, of: Of) -> TimeColumn[Sequence[SigmaConsistency]]:
-    return TimeColumn(name, lambda all_of: _stacked([of(each) for each in all_of]), scaled=True)
+    return TimeColumn(name, lambda all_of: _stacked([of(over_flight) for over_flight in all_of]), scaled=True)
 
 
 def _band(name: str, of: Bands) -> TimeColumn[Sequence[SigmaConsistency]]:
     def value(all_of: Sequence[SigmaConsistency]) -> Array | None:
-        return _stacked([None if (band := of(each)) is None else band.value for each in all_of])
+        return _stacked([None if (band := of(over_flight)) is None else band.value for over_flight in all_of])
 
-    return TimeColumn(name, value, lambda all_of: _ends([of(each) for each in all_of]))
+    return TimeColumn(name, value, lambda all_of: _ends([of(over_flight) for over_flight in all_of]))
 
 
 RMS: Final = (_sigma("rms", lambda row: row.true), _sigma("sigma_filter", lambda row: row.filter))
@@ -82,9 +82,9 @@ def _moments(content: RunAnalysis, known: Envelopes) -> list[TimeColumn[Envelope
     share = independent_share(manifest.design, sampling) if enough else 0.0
     withheld = list(content.model.withheld)
 
-    def intervals(each: Envelopes) -> Array:
-        known = each.sigma_intervals(share, confidence)
-        known[:, withheld] = each.sigma_intervals(0.0, confidence)[:, withheld]
+    def intervals(envelopes: Envelopes) -> Array:
+        known = envelopes.sigma_intervals(share, confidence)
+        known[:, withheld] = envelopes.sigma_intervals(0.0, confidence)[:, withheld]
         return known
 
     return [
@@ -137,12 +137,12 @@ def over_time(content: RunAnalysis, units: Units = "shown") -> list[OverTime]:
         known += [_nees(content.filter), _nis(content.filter), _states(content.filter, units)]
     if content.smoother is not None:
         known.append(_smoothed(content.smoother, units))
-    return [each for each in known if each is not None]
+    return [over_flight for over_flight in known if over_flight is not None]
 
 
 def tables_over_time(content: RunAnalysis, units: Units = "shown") -> dict[str, ResultTable]:
     """Return them as tables by name, without those that have no rows."""
-    tables = [each.table for each in over_time(content, units)]
+    tables = [over_flight.table for over_flight in over_time(content, units)]
     return {table.name: table for table in tables if len(table)}
 
 

@@ -41,7 +41,8 @@ def printed(parts: Sequence[Part]) -> RenderableType:
 def fitted(table: Table[Any]) -> FittedTable:
     """Lay a table out for the width of a terminal."""
     columns = [
-        Column(each.terminal_heading, each.kind != "number", each.spare) for each in table.columns_in("terminal")
+        Column(column.terminal_heading, column.kind != "number", column.spare)
+        for column in table.columns_in("terminal")
     ]
     laid = FittedTable(table.title, columns, table.keys, table.elsewhere)
     for heading, row, cells in zip(table.headings, table.rows, table.cells_in("terminal"), strict=True):

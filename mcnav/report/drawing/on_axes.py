@@ -63,15 +63,18 @@ def drawn(
             axes.remove()
         if key:
             side_by_side = _legend_columns(key, inches[0] / PX, 9.0 / POINT * font_scale)
-            made.legend(handles=[_handle(each) for each in key], loc="outside upper left", ncols=side_by_side)
+            made.legend(handles=[_handle(entry) for entry in key], loc="outside upper left", ncols=side_by_side)
     return made
 
 
 def _legend_columns(key: Sequence[m.Series], width: float, size: float) -> int:
     """Return how many columns of a legend, four at most, fit into a width, px, with text of a size, px."""
     for columns in range(min(4, len(key)), 1, -1):
-        each = -(-len(key) // columns)
-        widest = [max(text_width(series.label, size) for series in key[k : k + each]) for k in range(0, len(key), each)]
+        rows_of_key = -(-len(key) // columns)
+        widest = [
+            max(text_width(series.label, size) for series in key[k : k + rows_of_key])
+            for k in range(0, len(key), rows_of_key)
+        ]
         if sum(widest) + (LEGEND_HANDLE * len(widest) + LEGEND_GAP * (len(widest) - 1)) * size <= width:
             return columns
     return 1
@@ -189,8 +192,8 @@ def _mark(axes: Axes, mark: m.Mark, order: float, font_scale: float) -> None:
             width = np.asarray(mark.high, dtype=float) - low
             axes.barh(rows, width, left=low, color=mark.series.colour, height=mark.thickness, edgecolor=PAPER,
                       linewidth=0.6, zorder=order)  # fmt: skip
-            for row, begin, each, name in zip(rows, low, width, mark.names, strict=False):
-                axes.text(begin + 0.5 * each, row, name, ha="center", va="center", fontsize=small, zorder=order,
+            for row, begin, extent, name in zip(rows, low, width, mark.names, strict=False):
+                axes.text(begin + 0.5 * extent, row, name, ha="center", va="center", fontsize=small, zorder=order,
                           color=readable_on(mark.series.colour))  # fmt: skip
         case m.Interval():
             axes.plot([mark.low, mark.high], [mark.row] * 2, color=mark.series.colour, linewidth=mark.width * POINT,

@@ -205,10 +205,10 @@ class _Plot:
             parts.append(f'<path d="{rectangle(left, top, right, bottom)}">{_titled(text)}</path>')
             name = mark.names[k] if mark.names else ""
             if name and text_width(name, SMALL) + 4.0 <= right - left:
-                inside = readable_on(mark.series.colour)
+                text_colour = readable_on(mark.series.colour)
                 more = ' stroke="none" pointer-events="none"'
                 x, y = 0.5 * (left + right), 0.5 * (top + bottom) + 4.0
-                parts.append(_text(x, y, name, SMALL, "middle", inside, more))
+                parts.append(_text(x, y, name, SMALL, "middle", text_colour, more))
         edge = f'stroke="{variable(PAPER)}" stroke-width="{_n(0.8)}"'
         return f'<g class="series-{mark.series.name}" fill="{mark.series.variable}" {edge}>{"".join(parts)}</g>'
 
@@ -225,30 +225,30 @@ class _Plot:
             opacity = round(mark.deepest * min(abs(share), 1.0), 3)
             full = f"{panel.y.names[row]}, {panel.x.names[column]}: {text}"
             size = min(LABEL, 10.0 * LABEL * room / max(text_width(text, 10.0 * LABEL), 1.0))
-            inside = ""
+            label = ""
             if size >= 7.0:
                 x, y = float(self.x(column)), float(self.y(row))
-                inside = _text(x, y + 0.36 * size, text, size, "middle", more=' pointer-events="none"')
+                label = _text(x, y + 0.36 * size, text, size, "middle", more=' pointer-events="none"')
             elif opacity == 0.0:
                 continue  # neither seen nor read; of many outputs three in four
             path = f'<path d="{box}" fill="{series.variable}" fill-opacity="{opacity:g}">{_titled(full)}</path>'
-            parts.append(f'<g class="series-{series.name}">{path}{inside}</g>')
+            parts.append(f'<g class="series-{series.name}">{path}{label}</g>')
         return "".join(parts)
 
     def _labels(self, mark: m.Mark, points: Array) -> str:
         """Render the label next to a mark, where there is room."""
-        inside = (self.left + 1.0, self.top - 2.0, self.right + 6.0, self.bottom - 1.0)
+        frame = (self.left + 1.0, self.top - 2.0, self.right + 6.0, self.bottom - 1.0)
         match mark:
             case m.Points(names=names) if names:
                 x, y = np.atleast_1d(self.x(mark.x)), np.atleast_1d(self.y(mark.y))
                 places = zip(x.tolist(), y.tolist(), names, strict=True)
-                labels = "".join(self._beside(*place, inside, points) for place in places)
+                labels = "".join(self._beside(*place, frame, points) for place in places)
                 return f'<g class="series-{mark.series.name}">{labels}</g>'
             case m.Text(corner=True):
                 return self._in_corner(mark)
             case m.Text():
                 place = float(self.x(mark.x)), float(self.y(mark.y))
-                return self._beside(*place, mark.text, inside, points, mark.colour)
+                return self._beside(*place, mark.text, frame, points, mark.colour)
             case m.Rule(name=name, level=False) if name:
                 return self._event(mark, points)
             case _:
@@ -279,8 +279,8 @@ class _Plot:
         self.taken.append(box)
         return _haloed(box[0], box[3] - 2.5, mark.name, "", INK)
 
-    def _beside(self, x: float, y: float, text: str, inside: Box, points: Array, colour: str = INK) -> str:
-        box = place_label(x, y, text_width(text, SMALL), SMALL + 1.0, inside, self.taken, points)
+    def _beside(self, x: float, y: float, text: str, frame: Box, points: Array, colour: str = INK) -> str:
+        box = place_label(x, y, text_width(text, SMALL), SMALL + 1.0, frame, self.taken, points)
         if box is None:
             return ""
         self.taken.append((box[0] - GAP, box[1], box[2] + GAP, box[3]))

@@ -80,11 +80,11 @@ def labelled(ticks: Sequence[float], step: float) -> list[str]:
     exponent = math.floor(math.log10(largest)) if largest > 0.0 else 0
     power = exponent if exponent >= 7 or step < 1e-5 else 0
     decimals = next((d for d in range(12) if abs(round(unit := step / 10.0**power, d) - unit) < 1e-6 * unit), 12)
-    told = [f"{tick / 10.0**power:,.{decimals}f}".replace("-", "−") for tick in ticks]
+    shown = [f"{tick / 10.0**power:,.{decimals}f}".replace("-", "−") for tick in ticks]
     if power:
-        told = ["0" if tick == 0.0 else f"{text}·10{str(power).translate(SUPERSCRIPTS)}"
-                for tick, text in zip(ticks, told, strict=True)]  # fmt: skip
-    return told
+        shown = ["0" if tick == 0.0 else f"{text}·10{str(power).translate(SUPERSCRIPTS)}"
+                for tick, text in zip(ticks, shown, strict=True)]  # fmt: skip
+    return shown
 
 
 def log_label(tick: float) -> str:
@@ -154,7 +154,7 @@ def points_in(box: Box, points: Array) -> int:
 
 
 def place_label(
-    x: float, y: float, width: float, height: float, inside: Box, taken: Sequence[Box], points: Array
+    x: float, y: float, width: float, height: float, bounds: Box, taken: Sequence[Box], points: Array
 ) -> Box | None:
     """Find a place for a label beside a point, within a rectangle and over none that is taken; none without room.
 
@@ -169,7 +169,7 @@ def place_label(
         if across == 0:
             top -= up * NEAR
         box = (left, top, left + width, top + height)
-        if box[0] < inside[0] or box[1] < inside[1] or box[2] > inside[2] or box[3] > inside[3]:
+        if box[0] < bounds[0] or box[1] < bounds[1] or box[2] > bounds[2] or box[3] > bounds[3]:
             continue
         if any(overlap(box, other) for other in taken):
             continue

@@ -51,14 +51,14 @@ def dataset(content: RunAnalysis, units: Units = "SI") -> xr.Dataset:
         if matrix.variable and matrix.name in result:
             array = _rescaled(result[matrix.name], matrix, scales)
             values[matrix.variable] = matrix.dimensions, array, {"long_name": matrix.meaning}
-    for each in over_time(content, units):
-        if each.variables:
-            ((kind, labels),) = each.names.items()
-            unit = each.label.rpartition("[")[2].removesuffix("]")
-            coordinates |= {kind: list(labels), "time": ("time", each.times, {"units": unit})}
-            coordinates |= {f"{kind}_{name}": (kind, list(fixed)) for name, fixed in each.fixed.items()}
-            values |= {name: (("time", kind), each.columns[column].astype(float))
-                       for name, column in each.variables.items()}  # fmt: skip
+    for over_flight in over_time(content, units):
+        if over_flight.variables:
+            ((kind, labels),) = over_flight.names.items()
+            unit = over_flight.label.rpartition("[")[2].removesuffix("]")
+            coordinates |= {kind: list(labels), "time": ("time", over_flight.times, {"units": unit})}
+            coordinates |= {f"{kind}_{name}": (kind, list(fixed)) for name, fixed in over_flight.fixed.items()}
+            values |= {name: (("time", kind), over_flight.columns[column].astype(float))
+                       for name, column in over_flight.variables.items()}  # fmt: skip
     attributes = {key: getattr(summary, key) for key in ("campaign", "samples", "seed", "engine", "verdict")}
     return xr.Dataset(values, coordinates, {**attributes, "units": units})
 

@@ -61,9 +61,9 @@ def _ratios(content: RunAnalysis) -> str:
         if ends is None or not np.isfinite(ends).all():
             continue
         low, high = (float(end) for end in ends)
-        inside = 1.0 - tolerance <= low and high <= 1.0 + tolerance
+        within = 1.0 - tolerance <= low and high <= 1.0 + tolerance
         outside = high < 1.0 - tolerance or low > 1.0 + tolerance
-        sides["within" if inside else "beyond" if outside else "across"].append(name)
+        sides["within" if within else "beyond" if outside else "across"].append(name)
     band = f"±{100.0 * tolerance:g} %"
     if not any(sides.values()):
         return ""
@@ -218,8 +218,8 @@ def _ellipses(content: RunAnalysis) -> str:
     if not pairs:
         return ""
     sigma = np.sqrt(np.diag(content.comparison.covariance_sample)) * content.output_scale
-    shown = [f"{rounded(float(sigma[each.true]))} {content.output_units[each.true]}" for each in pairs[0]]
-    names = [humanize(each.name) for each in pairs[0]]
+    shown = [f"{rounded(float(sigma[pair.true]))} {content.output_units[pair.true]}" for pair in pairs[0]]
+    names = [humanize(pair.name) for pair in pairs[0]]
     return f"One sigma of the truth is {shown[0]} in {names[0]} and {shown[1]} in {names[1]}, by Monte Carlo."
 
 

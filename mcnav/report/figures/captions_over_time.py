@@ -62,8 +62,8 @@ def convergence(content: RunAnalysis) -> str:
         return ""
     shown = np.isfinite(known.paired.ratio[-1])
     low, high = known.paired.low[:, shown], known.paired.high[:, shown]
-    inside = np.all((low >= 1.0 - tolerance) & (high <= 1.0 + tolerance), axis=1)
-    beyond = np.flatnonzero(~inside)
+    within = np.all((low >= 1.0 - tolerance) & (high <= 1.0 + tolerance), axis=1)
+    beyond = np.flatnonzero(~within)
     band = f"±{100.0 * tolerance:g} %"
     if not shown.any():
         return ""

@@ -124,9 +124,13 @@ def variance_parts(first: Summary, second: Summary, name: str) -> tuple[list[Par
     variances of the runs. Parts come in the order of their change, the largest first.
     """
     unit = max(_variance(first, name), 0.0) or _variance(second, name)
-    each = [_variances(summary, name) for summary in (first, second)]
-    names = dict.fromkeys([*each[0], *each[1]])
-    parts = [Part(cause, *(variances.get(cause, 0.0) / unit for variances in each)) for cause in names] if unit else []
+    variances_of_runs = [_variances(summary, name) for summary in (first, second)]
+    names = dict.fromkeys([*variances_of_runs[0], *variances_of_runs[1]])
+    parts = (
+        [Part(cause, *(variances.get(cause, 0.0) / unit for variances in variances_of_runs)) for cause in names]
+        if unit
+        else []
+    )
     return sorted(parts, key=lambda part: -abs(part.change)), unit
 
 

@@ -214,8 +214,8 @@ def _merged(series: Series, lines: Sequence[Array]) -> list[Mark]:
 def _edge(line: Array, box: Box) -> list[tuple[float, float]]:
     """Return where a line of the grid has its name: where it enters the box, if it does."""
     left, bottom, right, top = box
-    inside = line[(line[:, 0] >= left) & (line[:, 0] <= right) & (line[:, 1] >= bottom) & (line[:, 1] <= top)]
-    return [(float(inside[0, 0]), float(inside[0, 1]))] if len(inside) else []
+    visible = line[(line[:, 0] >= left) & (line[:, 0] <= right) & (line[:, 1] >= bottom) & (line[:, 1] <= top)]
+    return [(float(visible[0, 0]), float(visible[0, 1]))] if len(visible) else []
 
 
 def to_scale(axes: tuple[Axis, Axis], middle: Array, half: Array) -> tuple[Box, Box]:
@@ -273,11 +273,11 @@ def _now(known: Deck) -> Rule:
 
 def _events(known: Deck) -> list[Mark]:
     """Return the named instants within the flight that no row of the strip has."""
-    inside = (
+    visible = (
         known.events if not known.lanes else {name: at for name, at in known.events.items() if "outage" not in name}
     )
     first, last = known.times[0], known.times[-1]
-    return [Rule(at, name=name) for name, at in inside.items() if first < at < last]
+    return [Rule(at, name=name) for name, at in visible.items() if first < at < last]
 
 
 def _height(known: Deck) -> Panel:

@@ -50,8 +50,8 @@ def ordered_pairs(content: RunAnalysis) -> list[tuple[int, int]]:
     if len(pairs) <= PAIRS:
         return pairs
     linear, flown = (
-        np.nan_to_num(correlations(each))
-        for each in (content.comparison.covariance_linear, content.comparison.covariance_paired)
+        np.nan_to_num(correlations(matrix))
+        for matrix in (content.comparison.covariance_linear, content.comparison.covariance_paired)
     )
     notable = sorted(pairs, key=lambda pair: -abs(flown[pair] - linear[pair]))[: NOTABLE // 2]
     others = sorted(set(pairs) - set(notable), key=lambda pair: (-abs(flown[pair]), pair))

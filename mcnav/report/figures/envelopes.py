@@ -91,7 +91,7 @@ def _envelope(
     low, *_, high = (values[:, output] * scale for values in known.percentiles.values())
     linear = [(known.linear_mean + sign * reach * known.linear_sigma)[:, output] * scale for sign in (-1.0, 1.0)]
     flown = [(known.mean + sign * reach * known.sigma)[:, output] * scale for sign in (-1.0, 1.0)]
-    inside = [(place, event) for event, place in known.events.items() if known.times[0] < place < known.times[-1]]
+    shown_events = [(place, event) for event, place in known.events.items() if known.times[0] < place < known.times[-1]]
     return Panel(
         name,
         axis(known.label, margin=0.0, link=True),
@@ -101,6 +101,6 @@ def _envelope(
             *(Line(series["linear"], known.times, each, 3.2) for each in linear),
             *(Line(series["flown"], known.times, flight) for flight in flown),
             Line(series["flown"], known.times, known.mean[:, output] * scale, 1.1, "line"),
-            *(Rule(place, name=event) for place, event in inside),
+            *(Rule(place, name=event) for place, event in shown_events),
         ],
     )

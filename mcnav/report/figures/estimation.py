@@ -30,9 +30,9 @@ def estimation(content: RunAnalysis) -> Figure | None:
         return None
     shaded = outages(content)
     columns: dict[str, Sequence[Any] | NDArray[Any]] = {figure.label: figure.times}
-    for each in known:
-        for whose, values in sigmas(each).items():
-            columns[f"{humanize(each.name)}, {whose} σ [{each.shown_in}]"] = values
+    for estimated in known:
+        for whose, values in sigmas(estimated).items():
+            columns[f"{humanize(estimated.name)}, {whose} σ [{estimated.shown_in}]"] = values
     methods = {whose for state in known for whose in sigmas(state)}
     return Figure(
         name="estimation",

@@ -18,17 +18,19 @@ def sigma_history(result: FilterConsistency) -> str:
     """Say which ratio is certain to leave the band first; without any, whether all ratios stay within it."""
     band = f"the band of ±{100.0 * result.tolerance:g} %"
     known = [output for output in result.outputs if output.ratio.known.any()]
-    certain = [each for each in known if each.finding.begin is not None]
+    certain = [judged for judged in known if judged.finding.begin is not None]
     if certain:
-        first = min(certain, key=lambda each: each.finding.begin or 0)
+        first = min(certain, key=lambda judged: judged.finding.begin or 0)
         count = f"{len(certain)} of {len(known)} outputs do" if len(certain) > 1 else "it alone does"
         at = instant(float(result.times[first.finding.begin or 0]), result.label)
         return f"{_begun(humanize(first.name))} certainly leaves {band} at {at}; {count}."
-    outside = [(_outside(each.ratio.value, 1.0 - result.tolerance, 1.0 + result.tolerance), each) for each in known]
-    left = [(place, each) for place, each in outside if place is not None]
+    outside = [
+        (_outside(judged.ratio.value, 1.0 - result.tolerance, 1.0 + result.tolerance), judged) for judged in known
+    ]
+    left = [(place, judged) for place, judged in outside if place is not None]
     if not left:
         return f"All ratios stay within {band}." if known else ""
-    place, first = min(left, key=lambda each: each[0])
+    place, first = min(left, key=lambda judged: judged[0])
     at = instant(float(result.times[place]), result.label)
     return f"The estimate of {humanize(first.name)} leaves {band} at {at}; no ratio is certain to do so."
 

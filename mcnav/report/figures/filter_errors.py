@@ -33,11 +33,11 @@ SIGMAS: Final = {
 }
 
 
-def sigmas(each: SigmaConsistency) -> dict[str, NDArray[np.float64]]:
+def sigmas(consistency: SigmaConsistency) -> dict[str, NDArray[np.float64]]:
     """Return the sigmas of a quantity over time in the unit shown: linear where known, Monte Carlo, the filter's."""
-    scale = conversion(each.unit, each.shown_in)
-    linear = {} if each.true_linear is None else {"linear": each.true_linear * scale}
-    return {**linear, "Monte Carlo": each.true * scale, "filter": each.filter * scale}
+    scale = conversion(consistency.unit, consistency.shown_in)
+    linear = {} if consistency.true_linear is None else {"linear": consistency.true_linear * scale}
+    return {**linear, "Monte Carlo": consistency.true * scale, "filter": consistency.filter * scale}
 
 
 def whole_flight(consistency: FilterConsistency) -> Axis:
@@ -57,17 +57,17 @@ def errors_and_sigmas(content: RunAnalysis, consistency: FilterConsistency) -> F
     times, histories = (consistency.times, {}) if stored is None else stored[1:]
     shaded = outages(content)
     columns: dict[str, Sequence[Any] | NDArray[Any]] = {consistency.label: consistency.times}
-    for each in known:
-        for whose, values in sigmas(each).items():
-            columns[f"{humanize(each.name)}, {whose} σ [{each.shown_in}]"] = values
-    listed = [series for name, series in SIGMAS.items() if any(name in sigmas(each) for each in known)]
-    drawn = [SAMPLES] if any(len(_complete(histories, each)) for each in known) else []
+    for judged in known:
+        for whose, values in sigmas(judged).items():
+            columns[f"{humanize(judged.name)}, {whose} σ [{judged.shown_in}]"] = values
+    listed = [series for name, series in SIGMAS.items() if any(name in sigmas(judged) for judged in known)]
+    drawn = [SAMPLES] if any(len(_complete(histories, judged)) for judged in known) else []
     return Figure(
         name="envelopes",
         title="Navigation errors over the flight" if content.several_kinds else "Errors over the flight",
         description="Errors of some samples, and sigmas of each output by Monte Carlo, linear analysis and the filter, "
         "over time.",
-        panels=[_panel(consistency, each, times, _complete(histories, each), shaded) for each in known],
+        panels=[_panel(consistency, judged, times, _complete(histories, judged), shaded) for judged in known],
         key=[*listed, *drawn, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(known)),
@@ -75,18 +75,18 @@ def errors_and_sigmas(content: RunAnalysis, consistency: FilterConsistency) -> F
     )
 
 
-def _complete(histories: Mapping[str, Array], each: SigmaConsistency) -> Array:
+def _complete(histories: Mapping[str, Array], consistency: SigmaConsistency) -> Array:
     """Return the histories of an output without those of failed samples, in the unit shown."""
-    result = histories.get(f"{each.name} [{each.unit}]", np.empty((0, 0)))
-    return result[np.isfinite(result).all(axis=1)] * conversion(each.unit, each.shown_in)
+    result = histories.get(f"{consistency.name} [{consistency.unit}]", np.empty((0, 0)))
+    return result[np.isfinite(result).all(axis=1)] * conversion(consistency.unit, consistency.shown_in)
 
 
 def _panel(
-    consistency: FilterConsistency, each: SigmaConsistency, times: Array, histories: Array, shaded: Sequence[Span]
+    consistency: FilterConsistency, judged: SigmaConsistency, times: Array, histories: Array, shaded: Sequence[Span]
 ) -> Panel:
     marks: list[Mark] = [*shaded, *(Line(SAMPLES, times, history, 0.7, silent=True) for history in histories)]
-    for whose, values in sigmas(each).items():
+    for whose, values in sigmas(judged).items():
         width = 3.2 if whose == "linear" else 1.6
         marks += [Line(SIGMAS[whose], consistency.times, sign * MULTIPLE * values, width) for sign in (-1.0, 1.0)]
-    upward = Axis(f"error, ±{MULTIPLE:g}σ", each.shown_in)
-    return Panel(humanize(each.name), whole_flight(consistency), upward, marks)
+    upward = Axis(f"error, ±{MULTIPLE:g}σ", judged.shown_in)
+    return Panel(humanize(judged.name), whole_flight(consistency), upward, marks)

@@ -105,8 +105,8 @@ def _tabulated(
     axes: Sequence[AxisReport], columns: Callable[[AxisReport], Mapping[str, ArrayLike]]
 ) -> dict[str, Array]:
     """Put the columns of all axes below each other."""
-    each = [columns(axis) for axis in axes]
+    tables = [columns(axis) for axis in axes]
     names = np.concatenate([np.full(len(np.asarray(next(iter(own.values())))), axis.name) for axis, own in
-                            zip(axes, each, strict=True)])  # fmt: skip
-    numbers = {name: np.concatenate([np.asarray(own[name]) for own in each]) for name in each[0]}
+                            zip(axes, tables, strict=True)])  # fmt: skip
+    numbers = {name: np.concatenate([np.asarray(own[name]) for own in tables]) for name in tables[0]}
     return {"axis": names, **numbers}

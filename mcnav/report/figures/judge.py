@@ -111,8 +111,8 @@ def reference_errors(record: FilteredRecord, judgement: Judgement) -> Figure | N
         return None
     times = np.array([stage.time for stage in stages])
     read = [stage.read_out for stage in stages if stage.read_out is not None]
-    errors = np.array([each.errors for each in read])
-    own = np.sqrt([np.diag(each.covariance) + each.reference for each in read])
+    errors = np.array([readings.errors for readings in read])
+    own = np.sqrt([np.diag(readings.covariance) + readings.reference for readings in read])
     panels, columns = [], {TIME: times}
     for place, (name, shown_in) in enumerate(ERRORS):
         if not np.isfinite(errors[:, place]).any():

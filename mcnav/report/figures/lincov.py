@@ -48,9 +48,9 @@ def _shading(outages: Outages, label: str) -> list[Span]:
     ]
 
 
-def short_name(each: LinearRequirement, answer: LinearAnswer) -> str:
+def short_name(requirement: LinearRequirement, answer: LinearAnswer) -> str:
     """Name a requirement in a few words: its kind and outputs."""
-    required = each.requirement
+    required = requirement.requirement
     names = ", ".join(humanize(answer.outputs[i].name) for i in required.outputs)
     kind = required.kind if required.kind == "box" else required.kind.upper()
     named = f"{100.0 * (required.probability or 0.5):g} % of |{names}|" if kind == "QUANTILE" else f"{kind}, {names}"
@@ -115,12 +115,12 @@ def requirements(answer: LinearAnswer, outages: Outages) -> Figure | None:
     times, shaded = history.readings.times[history.settled], _shading(outages, label)
     columns: dict[str, Array] = {label: times}
     panels = []
-    for number, each in enumerate(wanted, start=1):
-        first = each.requirement.outputs[0]
-        values = sizes_over_time(each.requirement, history.moments, answer.model.sizes) * scale[first]
+    for number, asked in enumerate(wanted, start=1):
+        first = asked.requirement.outputs[0]
+        values = sizes_over_time(asked.requirement, history.moments, answer.model.sizes) * scale[first]
         unit = answer.outputs[first].shown_in
-        limit, at = each.requirement.limits[0] * scale[first], list(each.requirement.epochs)
-        title = f"{number}: {short_name(each, answer)}"
+        limit, at = asked.requirement.limits[0] * scale[first], list(asked.requirement.epochs)
+        title = f"{number}: {short_name(asked, answer)}"
         columns[f"{title} [{unit}]"] = values
         marks: list[Mark] = [
             *shaded,

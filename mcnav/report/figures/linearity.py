@@ -72,7 +72,7 @@ def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, colum
         marks.append(Points(Series(RATIO.name, "", FLOWN, "dot"), multiples, ratio[shown]))
     if np.isfinite(dispersion_range.departs[column]):
         marks.append(Rule(float(dispersion_range.departs[column]), width=1.6, series=LEAVES))
-    first, last = (float(each) for each in dispersion_range.multiples[[0, -1]])
+    first, last = (float(multiple) for multiple in dispersion_range.multiples[[0, -1]])
     margin = ALONE if first == last else 1.0  # a single multiple needs room on both sides
     across = Axis("multiple of the stated errors", log=True, low=first / margin, high=last * margin, link="multiple")
     end = 1.0 + REACH * tolerance

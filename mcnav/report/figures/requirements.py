@@ -38,26 +38,26 @@ def requirements_over_time(content: RunAnalysis) -> Figure | None:
     shaded = outages(content)
     label = "time" if content.development is None else content.development.label
     columns: dict[str, Any] = {"requirement": [], label: []}
-    for row, each in drawn:
-        columns["requirement"] += [row.words] * len(each.times)
-        columns[label] += each.times.tolist()
+    for row, over_time in drawn:
+        columns["requirement"] += [row.words] * len(over_time.times)
+        columns[label] += over_time.times.tolist()
     for name, values in (
-        ("Monte Carlo", [each.estimate * row.scale for row, each in drawn]),
-        ("lower bound", [each.bounds[:, 0] * row.scale for row, each in drawn]),
-        ("upper bound", [each.bounds[:, 1] * row.scale for row, each in drawn]),
-        ("linear", [each.linear * row.scale for row, each in drawn]),
-        ("limit", [_limit(row, each) for row, each in drawn]),
+        ("Monte Carlo", [over_time.estimate * row.scale for row, over_time in drawn]),
+        ("lower bound", [over_time.bounds[:, 0] * row.scale for row, over_time in drawn]),
+        ("upper bound", [over_time.bounds[:, 1] * row.scale for row, over_time in drawn]),
+        ("linear", [over_time.linear * row.scale for row, over_time in drawn]),
+        ("limit", [_limit(row, over_time) for row, over_time in drawn]),
     ):
         columns[name] = np.concatenate(values)
-    columns["unit"] = [row.unit for row, each in drawn for _ in each.times]
-    linear = any(np.isfinite(each.linear).any() for _, each in drawn)
+    columns["unit"] = [row.unit for row, over_time in drawn for _ in over_time.times]
+    linear = any(np.isfinite(over_time.linear).any() for _, over_time in drawn)
     confidence = f"{100.0 * content.summary.confidence:g} %"
     return Figure(
         name="requirements-over-time",
         title="Requirements over time",
         description="Quantile of the errors that each requirement limits, over time, with its limit. Monte Carlo with "
         "bounds, and linear analysis.",
-        panels=[_panel(row, each, label, [*shaded]) for row, each in drawn],
+        panels=[_panel(row, over_time, label, [*shaded]) for row, over_time in drawn],
         key=[ESTIMATE, BOUNDS, *([BY_LINEAR] if linear else []), LIMIT, *shading_key(shaded)],
         columns=columns,
         size=side_by_side(len(drawn)),
@@ -66,9 +66,9 @@ def requirements_over_time(content: RunAnalysis) -> Figure | None:
     )
 
 
-def _limit(row: RequirementRow, each: RequirementCurve) -> NDArray[np.float64]:
+def _limit(row: RequirementRow, curve: RequirementCurve) -> NDArray[np.float64]:
     """Return the limit where the requirement holds, in the unit shown; NaN elsewhere."""
-    return np.where(each.holds, row.entry.limits[0] * row.scale, np.nan)
+    return np.where(curve.holds, row.entry.limits[0] * row.scale, np.nan)
 
 
 def measure(entry: RequirementEntry) -> str:
@@ -76,18 +76,18 @@ def measure(entry: RequirementEntry) -> str:
     return entry.kind.upper() if entry.kind in RADII else f"{100.0 * (entry.probability or 0.0):g} % quantile"
 
 
-def _panel(row: RequirementRow, each: RequirementCurve, label: str, shaded: list[Mark]) -> Panel:
-    estimate, linear, limit = each.estimate * row.scale, each.linear * row.scale, _limit(row, each)
-    ends = np.where(known_ends(each.bounds)[:, None], each.bounds * row.scale, np.nan)
+def _panel(row: RequirementRow, over_time: RequirementCurve, label: str, shaded: list[Mark]) -> Panel:
+    estimate, linear, limit = over_time.estimate * row.scale, over_time.linear * row.scale, _limit(row, over_time)
+    ends = np.where(known_ends(over_time.bounds)[:, None], over_time.bounds * row.scale, np.nan)
     reach = np.concatenate([estimate, linear, limit, ends.ravel()])
     at = row.entry.time
     marks: list[Mark] = [
         *shaded,
-        *areas(BOUNDS, each.times, ends),
-        *(curve(BY_LINEAR, each.times, linear) if np.isfinite(linear).any() else []),
-        *curve(ESTIMATE, each.times, estimate),
-        *curve(LIMIT, each.times, limit),
-        *([] if at is None or not each.holds.sum() > 1 else [Rule(at)]),
+        *areas(BOUNDS, over_time.times, ends),
+        *(curve(BY_LINEAR, over_time.times, linear) if np.isfinite(linear).any() else []),
+        *curve(ESTIMATE, over_time.times, estimate),
+        *curve(LIMIT, over_time.times, limit),
+        *([] if at is None or not over_time.holds.sum() > 1 else [Rule(at)]),
     ]
     title = f"{measure(row.entry)} of {', '.join(map(humanize, row.entry.outputs))}"
     full = f"{title}, {row.entry.when}"

@@ -40,12 +40,12 @@ def sigma_ratios_over_time(content: RunAnalysis) -> Figure | None:
         return None
     shaded = outages(content)
     columns: Columns = {figure.label: figure.times}
-    for each in figure.outputs:
-        name = humanize(each.name)
-        columns[f"{name}, true σ over filter σ"] = each.ratio.value
-        columns |= {f"{name}, from": each.ratio.each[:, 0], f"{name}, to": each.ratio.each[:, 1]}
-        if each.linear is not None:
-            columns[f"{name}, linear analysis"] = each.linear
+    for judged in figure.outputs:
+        name = humanize(judged.name)
+        columns[f"{name}, true σ over filter σ"] = judged.ratio.value
+        columns |= {f"{name}, from": judged.ratio.each[:, 0], f"{name}, to": judged.ratio.each[:, 1]}
+        if judged.linear is not None:
+            columns[f"{name}, linear analysis"] = judged.linear
     linear = any(output.linear is not None for output in figure.outputs)
     tolerance = Span(TOLERANCE, 1.0 - figure.tolerance, 1.0 + figure.tolerance, level=True)
 
@@ -87,8 +87,8 @@ def shares_within(content: RunAnalysis) -> Figure | None:
         for place, (title, members) in enumerate(groups):
             known = [(member, statistic, bounds) for member in members
                      for statistic, bounds in [_within(member, multiple)] if statistic is not None]  # fmt: skip
-            columns |= {f"{humanize(each.name)}, within ±{multiple}σ [%]": 100.0 * statistic.value
-                        for each, statistic, _ in known}  # fmt: skip
+            columns |= {f"{humanize(judged.name)}, within ±{multiple}σ [%]": 100.0 * statistic.value
+                        for judged, statistic, _ in known}  # fmt: skip
             panels.append(_share_panel(figure, multiple, len(groups) * (multiple > 1) + place, title, known, shaded))
     return Figure(
         name="within-history",
@@ -103,8 +103,10 @@ def shares_within(content: RunAnalysis) -> Figure | None:
     )
 
 
-def _within(each: SigmaConsistency, multiple: int) -> tuple[Statistic | None, tuple[float, float]]:
-    return (each.within_1, each.bounds_1) if multiple == 1 else (each.within_3, each.bounds_3)
+def _within(consistency: SigmaConsistency, multiple: int) -> tuple[Statistic | None, tuple[float, float]]:
+    return (
+        (consistency.within_1, consistency.bounds_1) if multiple == 1 else (consistency.within_3, consistency.bounds_3)
+    )
 
 
 def _share_panel(
@@ -116,7 +118,7 @@ def _share_panel(
     shaded: Sequence[Span],
 ) -> Panel:
     low, high = (100.0 * known[0][2][side] for side in (0, 1))
-    series = curves(number, [each for each, _, _ in known])
+    series = curves(number, [judged for judged, _, _ in known])
     lines: list[Mark] = []
     for own, (_, statistic, _) in zip(series, known, strict=True):
         lines += curve(own, consistency.times, 100.0 * statistic.value)

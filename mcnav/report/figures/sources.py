@@ -124,10 +124,13 @@ def origins(content: RunAnalysis, consistency: FilterConsistency) -> list[Contri
         origin = "initial errors" if name in outputs else instrument or humanize(max(sensors, key=len, default=""))
         members.setdefault(origin or stem(label), []).append(j)
     listed = [(origin, member) for origin, member in members.items() if member]
-    rest = tuple(j for _, each in listed[SHOWN:] for j in each)
+    rest = tuple(j for _, listed_source in listed[SHOWN:] for j in listed_source)
     others = [Contributor(Series("others", f"other {len(rest)} causes", OTHER), rest, other=True)] if rest else []
     return [
-        *(Contributor(numbered(place, name), tuple(each)) for place, (name, each) in enumerate(listed[:SHOWN])),
+        *(
+            Contributor(numbered(place, name), tuple(listed_source))
+            for place, (name, listed_source) in enumerate(listed[:SHOWN])
+        ),
         *others,
     ]
 

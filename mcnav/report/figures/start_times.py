@@ -113,8 +113,8 @@ def weighted(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs:
         *_event(study.clock),
     ]
     known = [
-        (time / 60.0, float(np.sqrt(np.nansum((simulated_rms(study, time, each) * study.weights) ** 2))))
-        for time, each in checks.items() if each.outputs
+        (time / 60.0, float(np.sqrt(np.nansum((simulated_rms(study, time, check) * study.weights) ** 2))))
+        for time, check in checks.items() if check.outputs
     ]  # fmt: skip
     if known:
         at, simulated = np.array(known).T
@@ -136,13 +136,15 @@ def weighted(study: StartTimeStudy, checks: Mapping[float, Comparison], outputs:
 def effects(study: StartTimeStudy, i: int, scale: float, known: Sequence[Effects], output: Output) -> Figure:
     """Draw the effect of one sigma of each source on output i against the start time."""
     starts, name = study.times / 60.0, humanize(output.name)
-    values = np.stack([each.sizes[:, i] for each in known], axis=1) * scale
-    series = [numbered(j, each.label) for j, each in enumerate(known)]
+    values = np.stack([contributor.sizes[:, i] for contributor in known], axis=1) * scale
+    series = [numbered(j, contributor.label) for j, contributor in enumerate(known)]
     axis, event = start_axis(study.clock.label), _event(study.clock)
-    combined = "; root sum square over the sources of a group" if any(each.combined for each in known) else ""
+    combined = (
+        "; root sum square over the sources of a group" if any(contributor.combined for contributor in known) else ""
+    )
     kinds = {
-        "Initial conditions": [j for j, each in enumerate(known) if each.initial],
-        "Equipment": [j for j, each in enumerate(known) if not each.initial],
+        "Initial conditions": [j for j, contributor in enumerate(known) if contributor.initial],
+        "Equipment": [j for j, contributor in enumerate(known) if not contributor.initial],
     }
 
     def panel(title: str, members: Sequence[int]) -> Panel:
@@ -150,7 +152,7 @@ def effects(study: StartTimeStudy, i: int, scale: float, known: Sequence[Effects
         return Panel(title, axis, Axis(f"final {name}", output.shown_in), [*lines, *event])
 
     what = "Final error in" if output.of == "navigation" else "Final"
-    frame = {f"{each.label} [{output.shown_in}]": values[:, j] for j, each in enumerate(series)}
+    frame = {f"{contributor.label} [{output.shown_in}]": values[:, j] for j, contributor in enumerate(series)}
     return Figure(
         name=f"effects-{output.name}".replace("_", "-"),
         title=f"Final {name} for one sigma of each source",

@@ -142,7 +142,7 @@ def _curve(sweep: Sweep, number: int, title: str) -> Panel:
     """Draw a measure over the only variable."""
     (variable,) = sweep.variables
     measure, scale = sweep.measures[number], scales(sweep)[number]
-    values, own, bounds = (each[:, number] * scale for each in (sweep.values, sweep.own, sweep.bounds))
+    values, own, bounds = (sizes[:, number] * scale for sizes in (sweep.values, sweep.own, sweep.bounds))
     marks: list[Mark] = []
     if np.isfinite(bounds).any():
         marks.append(Line(LIMIT, variable.values, bounds, 1.6))
@@ -195,7 +195,7 @@ def _family(sweep: Sweep, number: int, title: str) -> Panel:
     """Draw a measure over the second variable, a curve for each word of the first."""
     first, variable = sweep.variables
     measure, scale = sweep.measures[number], scales(sweep)[number]
-    values, bounds = (each[..., number] * scale for each in (sweep.values, sweep.bounds))
+    values, bounds = (sizes[..., number] * scale for sizes in (sweep.values, sweep.bounds))
     marks: list[Mark] = []
     if np.isfinite(bounds).any():
         marks.append(Line(LIMIT, variable.values, bounds[0], 1.6))
@@ -354,6 +354,6 @@ def contour_lines(
         return []
     masked = np.ma.masked_invalid(z.T)
     result = contour_generator(variable_places(across, across.values), variable_places(up, up.values), masked)
-    back_x, back_y = (np.exp if each.log else np.asarray for each in (across, up))
+    back_x, back_y = (np.exp if sizes.log else np.asarray for sizes in (across, up))
     lines: Any = result.lines(float(np.log(level)) if log else level)
     return [(back_x(line[:, 0]), back_y(line[:, 1])) for line in lines]

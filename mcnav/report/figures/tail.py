@@ -33,18 +33,18 @@ def tails(content: RunAnalysis) -> Figure | None:
     drawn = [(row, curve) for row, curve in zip(rows, content.tail_curves, strict=False) if curve is not None]
     if not drawn:
         return None
-    columns: dict[str, Any] = {"requirement": [row.words for row, each in drawn for _ in each.multiples]}
+    columns: dict[str, Any] = {"requirement": [row.words for row, tail in drawn for _ in tail.multiples]}
     for name, values in (
-        ("limit", [_limits(row, each) for row, each in drawn]),
-        ("counted", [each.counted for _, each in drawn]),
-        ("counted from", [each.low for _, each in drawn]),
-        ("counted to", [each.high for _, each in drawn]),
-        ("linear", [each.linear for _, each in drawn]),
-        ("linear with curvature", [each.curved for _, each in drawn]),
+        ("limit", [_limits(row, tail) for row, tail in drawn]),
+        ("counted", [tail.counted for _, tail in drawn]),
+        ("counted from", [tail.low for _, tail in drawn]),
+        ("counted to", [tail.high for _, tail in drawn]),
+        ("linear", [tail.linear for _, tail in drawn]),
+        ("linear with curvature", [tail.curved for _, tail in drawn]),
     ):
         columns[name] = np.concatenate(values)
-    columns["unit"] = [_unit(row) for row, each in drawn for _ in each.multiples]
-    curved = any(np.isfinite(each.curved).any() for _, each in drawn)
+    columns["unit"] = [_unit(row) for row, tail in drawn for _ in tail.multiples]
+    curved = any(np.isfinite(tail.curved).any() for _, tail in drawn)
     estimated = any(row.entry.exceedance and row.entry.exceedance.estimate for row, _ in drawn)
     confidence = f"{100.0 * content.summary.confidence:g} %"
     left_out = " Curvature is that of the constant errors, which are normal; noise adds its variance." if curved else ""
@@ -53,7 +53,7 @@ def tails(content: RunAnalysis) -> Figure | None:
         title="Probability beyond the limit",
         description="Probability that errors lie beyond a limit against that limit: by counting samples with its "
         "interval, by linear analysis without and with curvature, and by flights chosen with the linear model.",
-        panels=[_panel(row, each) for row, each in drawn],
+        panels=[_panel(row, tail) for row, tail in drawn],
         key=[COUNTED, BOUNDS, BY_LINEAR, *([CURVED] if curved else []), *([FLIGHTS] if estimated else []), ALLOWED],
         columns=columns,
         size=side_by_side(len(drawn)),
@@ -61,25 +61,25 @@ def tails(content: RunAnalysis) -> Figure | None:
     )
 
 
-def _limits(row: RequirementRow, each: TailCurve) -> Any:
+def _limits(row: RequirementRow, curve: TailCurve) -> Any:
     """Return the limits in the unit shown; of a box, multiples of those required."""
-    return each.multiples * (1.0 if row.entry.kind == "box" else row.entry.limits[0] * row.scale)
+    return curve.multiples * (1.0 if row.entry.kind == "box" else row.entry.limits[0] * row.scale)
 
 
 def _unit(row: RequirementRow) -> str:
     return "" if row.entry.kind == "box" else row.unit
 
 
-def _panel(row: RequirementRow, each: TailCurve) -> Panel:
-    entry, known, at = row.entry, row.entry.exceedance, _limits(row, each)
+def _panel(row: RequirementRow, curve: TailCurve) -> Panel:
+    entry, known, at = row.entry, row.entry.exceedance, _limits(row, curve)
     limit = 1.0 if entry.kind == "box" else entry.limits[0] * row.scale
     allowed = 1.0 - (0.5 if entry.probability is None else entry.probability)
-    seen = [allowed, *filter(np.isfinite, each.at_limit)]
+    seen = [allowed, *filter(np.isfinite, curve.at_limit)]
     marks: list[Mark] = []
-    if np.isfinite(each.high).all():
+    if np.isfinite(curve.high).all():
         floor = BELOW * min(seen)
-        marks += areas(BOUNDS, at, np.column_stack([np.maximum(each.low, floor), each.high]))
-    for series, values in ((BY_LINEAR, each.linear), (CURVED, each.curved), (COUNTED, each.counted)):
+        marks += areas(BOUNDS, at, np.column_stack([np.maximum(curve.low, floor), curve.high]))
+    for series, values in ((BY_LINEAR, curve.linear), (CURVED, curve.curved), (COUNTED, curve.counted)):
         if np.isfinite(values).any():
             marks.append(Line(series, at, values))
     if known is not None and known.estimate is not None and known.low is not None and known.high is not None:

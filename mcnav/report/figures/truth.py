@@ -104,15 +104,15 @@ def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Fi
     """Draw the sigmas of each quantity that has an output of truth, a panel each; none where nothing is dispersed."""
     drawn = {quantity: _curves(outputs, known, quantity) for quantity in quantities(outputs)}
     drawn = {
-        each: curves
-        for each, curves in drawn.items()
+        drawn_curve: curves
+        for drawn_curve, curves in drawn.items()
         if any(np.nanmax(curve, initial=0.0) > 0.0 for curve in curves.values())
     }
     if not drawn:
         return None
     columns: dict[str, NDArray[Any]] = {known.label: known.times}
-    for each, curves in drawn.items():
-        name, unit = humanize(each.name), outputs[each.true].shown_in
+    for drawn_curve, curves in drawn.items():
+        name, unit = humanize(drawn_curve.name), outputs[drawn_curve.true].shown_in
         columns |= {f"{name}, {series_of(*key).label}, 1σ [{unit}]": curve for key, curve in curves.items()}
     listed = {key for curves in drawn.values() for key in curves}
     return Figure(
@@ -120,7 +120,10 @@ def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Fi
         title="Truth and navigation over time, 1σ",
         description="Standard deviation over time: of the truth and the navigated state about the nominal, and of the "
         f"navigation error. Methods: {' and '.join(known.sigma)}.",
-        panels=[_panel(known, each, outputs[each.true].shown_in, curves) for each, curves in drawn.items()],
+        panels=[
+            _panel(known, drawn_curve, outputs[drawn_curve.true].shown_in, curves)
+            for drawn_curve, curves in drawn.items()
+        ],
         key=[series_of(kind, route) for route in ROUTES for kind in KINDS if (kind, route) in listed],
         columns=columns,
         size=side_by_side(len(drawn)),
@@ -128,26 +131,26 @@ def over_time(outputs: Sequence[Variable | Output], known: SigmasOverTime) -> Fi
     )
 
 
-def _curves(outputs: Sequence[Variable | Output], known: SigmasOverTime, each: Quantity) -> Curves:
+def _curves(outputs: Sequence[Variable | Output], known: SigmasOverTime, quantity: Quantity) -> Curves:
     """Return the sigmas of a quantity over time in the unit in which its truth is shown."""
-    scale, curves = scale_of(outputs)[each.true], Curves()
-    for kind, place in (("true", each.true), ("navigated", each.navigated), ("error", each.error)):
+    scale, curves = scale_of(outputs)[quantity.true], Curves()
+    for kind, place in (("true", quantity.true), ("navigated", quantity.navigated), ("error", quantity.error)):
         if place is not None:
             curves |= {(kind, route): values[:, place] * scale for route, values in known.sigma.items()}
-    if each.error is not None:
-        stated = {("own", route): values[:, each.error] * scale for route, values in known.own.items()}
+    if quantity.error is not None:
+        stated = {("own", route): values[:, quantity.error] * scale for route, values in known.own.items()}
         curves |= {key: values for key, values in stated.items() if np.isfinite(values).any()}
     return curves
 
 
-def _panel(known: SigmasOverTime, each: Quantity, unit: str, curves: Mapping[tuple[str, str], Array]) -> Panel:
+def _panel(known: SigmasOverTime, quantity: Quantity, unit: str, curves: Mapping[tuple[str, str], Array]) -> Panel:
     largest = max(float(np.nanmax(curve, initial=0.0)) for curve in curves.values())
     seen = {key: np.where(curve > SMALLEST * largest, curve, np.nan) for key, curve in curves.items()}
     marks: list[Mark] = [Line(series_of(*key), known.times, part, WIDTHS[key[1]]) for key, part in seen.items()]
-    inside = [(at, name) for name, at in known.events.items() if known.times[0] < at < known.times[-1]]
-    marks += [Rule(at, name=name) for at, name in inside]
+    shown_events = [(at, name) for name, at in known.events.items() if known.times[0] < at < known.times[-1]]
+    marks += [Rule(at, name=name) for at, name in shown_events]
     reach = np.concatenate([*seen.values()])
-    return Panel(humanize(each.name), axis(known.label, margin=0.0, link=True), upward("1σ", unit, reach), marks)
+    return Panel(humanize(quantity.name), axis(known.label, margin=0.0, link=True), upward("1σ", unit, reach), marks)
 
 
 def ellipses_at_end(content: RunAnalysis) -> Figure | None:
@@ -162,7 +165,7 @@ def ellipses_at_end(content: RunAnalysis) -> Figure | None:
         listed |= dict.fromkeys(line.series for lines in marks.values() for line in lines)
         rows += entries
         points = content.flown[:: -(-len(content.flown) // SCATTERED), [right.true, up.true]]
-        x, y = (Axis(humanize(each.name), content.output_units[each.true]) for each in (right, up))
+        x, y = (Axis(humanize(drawn_curve.name), content.output_units[drawn_curve.true]) for drawn_curve in (right, up))
         samples = Points(SAMPLES, points[:, 0], points[:, 1], 1.8, 0.6)
         panels += [
             Panel(KINDS[kind][0], x, y, [*([samples] if kind == "true" else []), *lines])

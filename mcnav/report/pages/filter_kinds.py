@@ -72,7 +72,7 @@ def _accuracy_and_cost(comparison: KindComparison) -> list[Part]:
 def _mean_errors(comparison: KindComparison) -> list[Part]:
     """Say first in which runs mean errors exceed one sigma."""
     said = [(result, mean_sentence(result.summary)) for result in comparison.results]
-    return [Sentence(f"{each.kind} ({each.folder}): {words}", "partly") for each, words in said if words]
+    return [Sentence(f"{compared.kind} ({compared.folder}): {words}", "partly") for compared, words in said if words]
 
 
 def _verdict(comparison: KindComparison) -> Verdict:
@@ -129,23 +129,23 @@ def kind_table(comparison: KindComparison) -> Table[KindResult]:
     return Table("Kinds of filters by Monte Carlo.", columns, comparison.results)
 
 
-def _factor(each: KindResult) -> str:
-    known = each.factor
+def _factor(kind_result: KindResult) -> str:
+    known = kind_result.factor
     if known is None:
         return "–"
     return f"{number(known[0], 3)} ({number(known[1], 3)} to {number(known[2], 3)})"
 
 
-def _nees(each: KindResult) -> str:
-    group = each.group("navigation")
+def _nees(kind_result: KindResult) -> str:
+    group = kind_result.group("navigation")
     if group is None or group.nees_mean is None:
         return "–"
     ends = ["–" if end is None else number(end / group.size, 3) for end in group.nees_interval or (None, None)]
     return f"{number(group.nees_mean / group.size, 3)} ({' to '.join(ends)})"
 
 
-def _sigmas(each: KindResult, names: tuple[str, ...], scale: float) -> str:
-    true, own = each.sigmas(names)
+def _sigmas(kind_result: KindResult, names: tuple[str, ...], scale: float) -> str:
+    true, own = kind_result.sigmas(names)
     return f"{number(true * scale, 3)} ({number(own * scale, 3)})"
 
 
@@ -182,7 +182,7 @@ def kind_ratios(comparison: KindComparison) -> Figure:
 def _consistent(comparison: KindComparison, level: bool) -> list[Mark]:
     """Return the line of a consistent filter, and the band of the tolerance where it is known."""
     known = {result.summary.filter.tolerance for result in comparison.results if result.summary.filter is not None}
-    tolerance = next((each for each in known if each), None)
+    tolerance = next((one for one in known if one), None)
     band = [] if tolerance is None else [Span(TOLERANCE, 1.0 - tolerance, 1.0 + tolerance, level=level)]
     return [*band, Rule(1.0, level=level, colour=INK)]
 
@@ -214,17 +214,18 @@ def over_values(comparison: KindComparison) -> Figure:
     )
 
 
-def row(comparison: KindComparison, each: KindResult) -> Mapping[str, Any]:
+def row(comparison: KindComparison, compared: KindResult) -> Mapping[str, Any]:
     """Return a result in data: angles in rad, lengths in m, times in s or minutes as their names say."""
-    factor = each.factor or (None, None, None)
-    horizontal, heading = each.sigmas(HORIZONTAL), each.sigmas((HEADING,))
-    data: dict[str, Any] = {} if comparison.variable is None else {comparison.variable.label: each.value}
+    factor = compared.factor or (None, None, None)
+    horizontal, heading = compared.sigmas(HORIZONTAL), compared.sigmas((HEADING,))
+    data: dict[str, Any] = {} if comparison.variable is None else {comparison.variable.label: compared.value}
     data |= {
-        "kind": each.kind, "verdict": each.verdict, "ratio": factor[0], "ratio_low": factor[1], "ratio_high": factor[2],
-        "decided_by": each.decided_by, "samples": each.summary.samples, "failed": each.summary.failed,
+        "kind": compared.kind, "verdict": compared.verdict, "ratio": factor[0], "ratio_low": factor[1],
+        "ratio_high": factor[2],
+        "decided_by": compared.decided_by, "samples": compared.summary.samples, "failed": compared.summary.failed,
     }  # fmt: skip
     for name in GROUPS:
-        group = each.group(name)
+        group = compared.group(name)
         low, high = (None, None) if group is None or group.nees_interval is None else group.nees_interval
         data |= {
             f"nees_{name}": None if group is None else group.nees_mean, f"nees_{name}_low": low,
@@ -232,8 +233,8 @@ def row(comparison: KindComparison, each: KindResult) -> Mapping[str, Any]:
         }  # fmt: skip
     data |= {
         "sigma_position_horizontal": horizontal[0], "own_sigma_position_horizontal": horizontal[1],
-        "sigma_heading": heading[0], "own_sigma_heading": heading[1], "milliseconds": each.milliseconds,
-        "folder": each.folder,
+        "sigma_heading": heading[0], "own_sigma_heading": heading[1], "milliseconds": compared.milliseconds,
+        "folder": compared.folder,
     }  # fmt: skip
     return data
 

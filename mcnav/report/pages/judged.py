@@ -150,6 +150,8 @@ def verdict(judgement: Judgement) -> Verdict:
     if not judgement.alarm:
         headline = "Nothing in this record is at odds with the campaign."
         return Verdict(headline, "agrees", (f"{_capital(compared)}; below 5 % would be an alarm.", *power(judgement)))
+    if judgement.findings and not judgement.explained:
+        return _unexplained(judgement, f"{_capital(compared)}.")
     if not judgement.findings:
         headline = "This record is at odds with the campaign, and no single number of the campaign explains it."
         return Verdict(headline, "differs", (f"{_capital(compared)}.", *correlated(judgement), *power(judgement)))
@@ -160,6 +162,21 @@ def verdict(judgement: Judgement) -> Verdict:
     if judgement.findings[-1].left <= LEVEL:
         sentences += correlated(judgement)
     return Verdict(f"{_capital(words(first))}.", "differs", (*sentences, *power(judgement)))
+
+
+def _unexplained(judgement: Judgement, compared: str) -> Verdict:
+    """Say that a record is not explained by what comes nearest, of which no interval is given."""
+    nearest = [plain_name(finding.number.name) for finding in judgement.findings]
+    tried = "this number" if len(nearest) == 1 else f"these {len(nearest)} numbers"
+    return Verdict(
+        "This record is at odds with the campaign, and no number of the campaign explains it.", "differs",
+        (
+            compared, f"Nearest come the {', then the '.join(nearest)}.",
+            f"With {tried} changed, still none of the simulated records is as unusual: do not change the campaign by "
+            "this record. Check units, axes, signs and clocks of the files first.",
+            *correlated(judgement), *power(judgement),
+        ),
+    )  # fmt: skip
 
 
 def correlated(judgement: Judgement) -> list[str]:
@@ -217,11 +234,11 @@ def _toned(statistic: Statistic) -> Cell:
     return Cell(number(statistic.value, 3), tone=None if statistic.usual else "differs")
 
 
-def _rejected(each: SensorVerdict) -> str:
+def _rejected(verdict: SensorVerdict) -> str:
     """Say how many measurements the gate rejected, and how many it does of a consistent filter."""
-    if each.expected_rejected is None:
-        return f"{each.rejected:,}"
-    return f"{each.rejected:,} ({number(each.expected_rejected, 2)} expected)"
+    if verdict.expected_rejected is None:
+        return f"{verdict.rejected:,}"
+    return f"{verdict.rejected:,} ({number(verdict.expected_rejected, 2)} expected)"
 
 
 def sensor_table(judgement: Judgement) -> Table[SensorVerdict]:
@@ -259,16 +276,18 @@ def nees_table(judgement: Judgement) -> Table[NeesVerdict] | None:
 def cause_table(judgement: Judgement) -> Table[CauseVerdict]:
     """Tabulate the sizes of the campaign: what the record says of each, and what it could say."""
 
-    def factor(each: CauseVerdict) -> str:
-        if each.factor is None:
+    def factor(verdict: CauseVerdict) -> str:
+        if verdict.factor is None:
             return "–"
-        if each.factor.low == 0.0 and np.isinf(each.factor.high):
+        if verdict.factor.low == 0.0 and np.isinf(verdict.factor.high):
             return "not told"
-        if each.factor.low == 0.0:
-            return f"at most {number(each.factor.high, 3)}"
-        if np.isinf(each.factor.high):
-            return f"at least {number(each.factor.low, 3)}"
-        return f"{number(each.factor.value, 3)} ({number(each.factor.low, 3)} to {number(each.factor.high, 3)})"
+        if verdict.factor.low == 0.0:
+            return f"at most {number(verdict.factor.high, 3)}"
+        if np.isinf(verdict.factor.high):
+            return f"at least {number(verdict.factor.low, 3)}"
+        return (
+            f"{number(verdict.factor.value, 3)} ({number(verdict.factor.low, 3)} to {number(verdict.factor.high, 3)})"
+        )
 
     columns: list[Column[CauseVerdict]] = [
         Column("Number", lambda row: humanize(row.name), "number", "label"),
@@ -313,7 +332,12 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
 
 
 def to_paste(judgement: Judgement) -> str:
-    """Return the entries of the campaign that change, as TOML in which each table stands once; empty for none."""
+    """Return the entries of the campaign that change, as TOML in which each table stands once; empty for none.
+
+    Nothing is to be changed where what is named does not explain the record.
+    """
+    if not judgement.explained:
+        return ""
     tables: dict[str, list[str]] = {}
     for finding in judgement.findings:
         place, _, key = finding.number.key.partition("] ")

@@ -39,21 +39,21 @@ def level(verdicts: Sequence[ErrorVerdict]) -> float:
 def wrong(verdicts: Sequence[ErrorVerdict]) -> list[str]:
     """List what is at odds, a clause each, without a full stop."""
     limit, clauses = level(verdicts), []
-    for each in verdicts:
-        what = humanize(each.name)
-        if each.size is not None and each.size.p_value < limit:
-            value, low, high = each.size.factor
+    for verdict in verdicts:
+        what = humanize(verdict.name)
+        if verdict.size is not None and verdict.size.p_value < limit:
+            value, low, high = verdict.size.factor
             if value < 1.0:
                 value, low, high = 1.0 / value, 1.0 / high, 1.0 / low
                 side = "large"
             else:
                 side = "small"
-            kind = "sigma" if each.kind == "NEES" else "sigma of the innovation"
+            kind = "sigma" if verdict.kind == "NEES" else "sigma of the innovation"
             clauses.append(
                 f"the {kind} of {what} is {number(value, 3)} times too {side}: {number(low, 3)} to {number(high, 3)}"
             )
-        if each.whiteness is not None and each.whiteness.p_value < limit:
-            correlation = number(each.whiteness.autocorrelation, 2)
+        if verdict.whiteness is not None and verdict.whiteness.p_value < limit:
+            correlation = number(verdict.whiteness.autocorrelation, 2)
             clauses.append(f"innovations of {what} are correlated: {correlation} from one to the next")
     return clauses
 
@@ -75,22 +75,22 @@ def error_table(verdicts: Sequence[ErrorVerdict]) -> Table[ErrorVerdict]:
     """Tabulate the tests."""
     limit = level(verdicts)
 
-    def ratio(each: ErrorVerdict) -> Cell | str:
-        if each.size is None:
+    def ratio(verdict: ErrorVerdict) -> Cell | str:
+        if verdict.size is None:
             return "–"
-        return Cell(number(each.size.ratio, 3), tone="differs" if each.size.p_value < limit else None)
+        return Cell(number(verdict.size.ratio, 3), tone="differs" if verdict.size.p_value < limit else None)
 
-    def factor(each: ErrorVerdict) -> str:
-        if each.size is None:
+    def factor(verdict: ErrorVerdict) -> str:
+        if verdict.size is None:
             return "–"
-        value, low, high = each.size.factor
+        value, low, high = verdict.size.factor
         return f"{number(value, 3)} ({number(low, 3)} to {number(high, 3)})"
 
-    def white(each: ErrorVerdict) -> Cell | str:
-        if each.whiteness is None:
+    def white(verdict: ErrorVerdict) -> Cell | str:
+        if verdict.whiteness is None:
             return "–"
-        tone = "differs" if each.whiteness.p_value < limit else None
-        return Cell(number(each.whiteness.autocorrelation, 2), tone=tone)
+        tone = "differs" if verdict.whiteness.p_value < limit else None
+        return Cell(number(verdict.whiteness.autocorrelation, 2), tone=tone)
 
     columns: list[Column[ErrorVerdict]] = [
         Column("Quantity", lambda row: humanize(row.name), "quantity", "label", of_user=True),

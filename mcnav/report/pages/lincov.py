@@ -207,10 +207,10 @@ def requirements_in_brief(answer: LinearAnswer) -> Findings:
     """List the requirements in one short row each: what is limited, the linear value, and the limit."""
     units = units_shown(answer.outputs)
     entries = []
-    for row, each in zip(requirement_rows(answer), answer.requirements, strict=True):
-        unit = units[answer.outputs[each.requirement.outputs[0]].name]
-        value, limit = shown_value(each, *unit, digits=3), shown_limit(each, *unit)
-        entries.append((row.finding, row.tone, f"{short_name(each, answer)}: {value}, limit {limit}"))
+    for row, requirement in zip(requirement_rows(answer), answer.requirements, strict=True):
+        unit = units[answer.outputs[requirement.requirement.outputs[0]].name]
+        value, limit = shown_value(requirement, *unit, digits=3), shown_limit(requirement, *unit)
+        entries.append((row.finding, row.tone, f"{short_name(requirement, answer)}: {value}, limit {limit}"))
     return Findings(entries)
 
 

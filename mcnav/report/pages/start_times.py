@@ -217,15 +217,15 @@ def _check_table(study: StartTimeStudy, checks: Mapping[float, Comparison], outp
 
     def of_output(i: int) -> Column[Check]:
         def content(row: Check) -> Cell:
-            each = checked(row, i)
-            return Cell() if each is None else _all_of(each)
+            checked_start = checked(row, i)
+            return Cell() if checked_start is None else _all_of(checked_start)
 
         return Column(humanize(outputs[i].name), content, unit=outputs[i].shown_in)
 
     def single(heading: str, content: Callable[[_Checked], Cell | str]) -> Column[Check]:
         def cell(row: Check) -> Cell | str:
-            each = checked(row, row[2])
-            return "" if each is None else content(each)
+            checked_start = checked(row, row[2])
+            return "" if checked_start is None else content(checked_start)
 
         return Column(heading, cell)
 
@@ -245,12 +245,14 @@ def _check_table(study: StartTimeStudy, checks: Mapping[float, Comparison], outp
     return Table(caption, columns, rows)
 
 
-def _all_of(each: _Checked) -> Cell:
+def _all_of(checked_start: _Checked) -> Cell:
     """Write a check in one cell: both sigmas, and below them the ratio with its interval and the verdict."""
-    ratio = number(each.result.paired.ratio) + (f" ({each.ends})" if each.ends != "–" else "")
-    verdict = each.verdict
+    ratio = number(checked_start.result.paired.ratio) + (
+        f" ({checked_start.ends})" if checked_start.ends != "–" else ""
+    )
+    verdict = checked_start.verdict
     words = verdict.text if verdict.tone is None else label(verdict.text, verdict.tone)
-    return Cell(" | ".join(each.sigmas), below=Markup("{}<br>{}").format(ratio, words))
+    return Cell(" | ".join(checked_start.sigmas), below=Markup("{}<br>{}").format(ratio, words))
 
 
 def grouped_effects(study: StartTimeStudy, sources: Sequence[Source], outputs: Sequence[Output]) -> list[drawn.Effects]:

@@ -95,7 +95,7 @@ def _table(consistency: FilterConsistency) -> FilterSummary:
         tolerance=consistency.tolerance,
         confidence=consistency.confidence,
         samples_needed=consistency.samples_needed,
-        neglected=[NeglectedEntry(**asdict(each)) for each in consistency.neglected],
+        neglected=[NeglectedEntry(**asdict(judged)) for judged in consistency.neglected],
         neglected_at=consistency.neglected_at,
         neglected_output=consistency.neglected_output,
         remarks=list(consistency.remarks),
@@ -109,16 +109,16 @@ def _table(consistency: FilterConsistency) -> FilterSummary:
     )
 
 
-def _departure(each: CertainDeparture) -> Departure:
+def _departure(departure: CertainDeparture) -> Departure:
     return Departure(
-        verdict=each.verdict.value,
-        of="group" if each.size else "output",
-        name=each.name,
-        factor=each.factor,
-        factor_interval=each.interval,
-        begin=each.begin,
-        end=each.end,
-        worst=each.worst,
+        verdict=departure.verdict.value,
+        of="group" if departure.size else "output",
+        name=departure.name,
+        factor=departure.factor,
+        factor_interval=departure.interval,
+        begin=departure.begin,
+        end=departure.end,
+        worst=departure.worst,
     )
 
 
@@ -145,25 +145,25 @@ def _group(group: GroupConsistency, consistency: FilterConsistency) -> FilterRat
     )
 
 
-def _sigma(each: SigmaConsistency, consistency: FilterConsistency) -> FilterRatio:
-    linear = each.linear
+def _sigma(judged: SigmaConsistency, consistency: FilterConsistency) -> FilterRatio:
+    linear = judged.linear
     shares: Mapping[str, Any] = {}
-    if each.within_1 is not None and each.within_3 is not None:
+    if judged.within_1 is not None and judged.within_3 is not None:
         shares = {
-            "within_1": each.within_1.value[-1],
-            "within_1_bounds": each.bounds_1,
-            "within_3": each.within_3.value[-1],
-            "within_3_bounds": each.bounds_3,
+            "within_1": judged.within_1.value[-1],
+            "within_1_bounds": judged.bounds_1,
+            "within_3": judged.within_3.value[-1],
+            "within_3_bounds": judged.bounds_3,
         }
     return FilterRatio(
-        unit=each.unit,
-        sigma_true=each.true[-1],
-        sigma_filter=each.filter[-1],
-        ratio=each.ratio.value[-1],
-        ratio_interval=each.ratio.each[-1],
+        unit=judged.unit,
+        sigma_true=judged.true[-1],
+        sigma_filter=judged.filter[-1],
+        ratio=judged.ratio.value[-1],
+        ratio_interval=judged.ratio.each[-1],
         ratio_linear=None if linear is None else linear[-1],
         **shares,
-        **_finding(each.finding, consistency),
+        **_finding(judged.finding, consistency),
     )
 
 

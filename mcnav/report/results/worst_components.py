@@ -55,7 +55,9 @@ def foremost_outputs(content: RunAnalysis) -> list[int]:
 
 def filter_departures(content: RunAnalysis) -> dict[str, float]:
     """Return the largest logarithm of true over filter sigma of each output over time; empty without a filter."""
-    outputs = [] if content.filter is None else [each for each in content.filter.outputs if each.ratio.known.any()]
+    outputs = (
+        [] if content.filter is None else [output for output in content.filter.outputs if output.ratio.known.any()]
+    )
     return {
         humanize(output.name): float(np.abs(np.log(output.ratio.value[output.ratio.known])).max()) for output in outputs
     }

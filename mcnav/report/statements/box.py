@@ -57,11 +57,24 @@ def box_words(answer: LinearAnswer) -> list[tuple[str, str]]:
     if box is None or not box.varies:
         return []
     words = [(_extremes(answer, box), _tone(answer, box))]
+    if box.gated is not None:
+        words.insert(0, (_gated(box.gated), "undecided"))
     if box.filter is not None:
         high, low = box.filter.ratio.worst.value, box.filter.ratio.best.value
         tone = "differs" if high > 1.0 + box.filter.optimistic.tolerance else ""
         words.append((f"Over the ranges, true ÷ filter sigma lies between {rounded(low)} and {rounded(high)}", tone))
+    if answer.smoother is not None:
+        words.append(("The smoother's sigma was compared with its errors at the upper ends alone", ""))
     return [*words, *((sentence, "") for sentence in (_gain(answer, box), _searched(box), _held(box)) if sentence)]
+
+
+def _gated(setting: Setting) -> str:
+    """Say why no requirement is judged over the ranges."""
+    where = setting_words(setting, NAMED)
+    return (
+        "Over the ranges, requirements need Monte Carlo (mcnav run) and sigmas leave rejections out: gates reject good "
+        f"measurements with {where}, and linear analysis is not shown to hold there"
+    )
 
 
 def _extremes(answer: LinearAnswer, box: Box) -> str:
@@ -73,6 +86,8 @@ def _extremes(answer: LinearAnswer, box: Box) -> str:
         named = ", ".join(humanize(answer.outputs[place].name) for place in required.outputs)
         name = f"{required.kind.upper() if len(required.kind) == 3 else humanize(required.kind)} of {named}"
     best, worst = _told_apart(spread.best.value * scale, spread.worst.value * scale)
+    if best == worst:
+        return f"{name[0].upper()}{name[1:]} is {worst} {unit} with any values of the ranges"
     where = setting_words(spread.worst.setting, NAMED)
     return f"Over the ranges, {name} is {best} to {worst} {unit}; worst with {where}"
 

@@ -146,7 +146,7 @@ def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str
     if subject == "filter" and known == "differs":
         consequences.append(fields.silent_sensor(summary))
     sentence, next_step = fill(row.sentence, summary, epochs), fill(row.next_step, summary, epochs)
-    told = [_unrepeated(words, next_step) for words in details.details_on(summary, subject, _partly(summary))]
+    unrepeated = [_unrepeated(words, next_step) for words in details.details_on(summary, subject, _partly(summary))]
     return Statement(
         subject=subject,
         tone=known,
@@ -155,7 +155,7 @@ def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str
         consequences=tuple(filter(None, consequences)),
         next_step=next_step,
         cause=fields.cause(summary, subject) if known != "agrees" else "",
-        details=tuple(words for words in told if words not in ("", sentence)),
+        details=tuple(words for words in unrepeated if words not in ("", sentence)),
         warnings=details.warnings_on(summary) if subject == "linear" else (),
     )
 

@@ -57,7 +57,7 @@ SHARED_CHUNK: Final = 256
 SMOOTHED_CHUNK: Final = 128
 
 MOST_STEPS: Final = 60_000
-"""Steps of the grid, of which the tables take some 15 kB each."""
+"""Steps of the grid: with an update in each, the tables of linear analysis and of samples take some 20 kB a step."""
 
 PROBES: Final = 8
 """Samples on which the steps are settled."""

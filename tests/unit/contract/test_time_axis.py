@@ -7,7 +7,7 @@ import pytest
 
 from mcnav.analysis.answer_times import as_read, read_axis
 from mcnav.config.read import read_campaign
-from mcnav.studies.linear_answers import linear_covariance
+from mcnav.studies.linear_covariance import linear_covariance
 from tests.conftest import ROOT
 
 

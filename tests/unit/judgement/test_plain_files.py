@@ -79,11 +79,20 @@ def test_velocities_in_other_units_are_named(factor: float, words: str) -> None:
     assert not velocity_fault(gnss)
 
 
+def test_vertical_columns_that_are_no_measurements_are_named() -> None:
+    """Altitudes in feet, and vertical velocities that are zero throughout."""
+    gnss = recording_of(fly(5)).measurements["gnss"]
+    feet = {**gnss.values, "position": gnss.values["position"] * (1.0, 1.0, 3.28084)}
+    assert velocity_fault(RecordedMeasurements(gnss.times, feet)).endswith("it is in ft")
+    level = {**gnss.values, "velocity": gnss.values["velocity"] * (1.0, 1.0, 0.0)}
+    assert "exactly zero" in velocity_fault(RecordedMeasurements(gnss.times, level))
+
+
 @pytest.mark.parametrize(
     ("gyro", "force", "words"),
     [
         (180.0 / np.pi, 1.0, "in deg/s"), (1e3, 1.0, "in mrad/s"), (np.pi / 180.0, 1.0, "rad/s, not deg/s"),
-        (-1.0, 1.0, "turn against the track"), (1.0, 1e3 / 9.80665, "it is in mg"),
+        (-1.0, 1.0, "gyro_x, gyro_y and gyro_z have the wrong sign"), (1.0, 1e3 / 9.80665, "it is in mg"),
     ],
 )  # fmt: skip
 def test_readings_in_other_units_are_named(gyro: float, force: float, words: str) -> None:
@@ -94,6 +103,42 @@ def test_readings_in_other_units_are_named(gyro: float, force: float, words: str
     assert fault is not None
     assert fault.subject == IMU
     assert words in fault.message
+
+
+def changed(recording: Recording, gyro: np.ndarray, force: np.ndarray) -> Recording:
+    return replace(recording, gyro=recording.gyro @ gyro.T, accelerometer=recording.accelerometer @ force.T)
+
+
+SAME, EXCHANGED = np.eye(3), np.eye(3)[[1, 0, 2]]
+
+
+@pytest.mark.parametrize(
+    ("gyro", "force", "words"),
+    [
+        (np.diag([-1, 1, 1]), SAME, "same axes: gyro_x has the wrong sign"),
+        (np.diag([1, 1, -1]), SAME, "same axes: gyro_z has the wrong sign"),
+        (np.diag([1, -1, -1]), SAME, "same axes: gyro_y and gyro_z have the wrong sign"),
+        (EXCHANGED, SAME, "gyro_x, gyro_y, gyro_z should be gyro_y, gyro_x, gyro_z"),
+        (SAME, np.diag([-1, 1, 1]), "same axes: accelerometer_x has the wrong sign"),
+        (SAME, np.diag([1, -1, 1]), "same axes: accelerometer_y has the wrong sign"),
+        (SAME, np.diag([1, -1, -1]), "same axes: accelerometer_y and accelerometer_z have the wrong sign"),
+        (SAME, -SAME, "accelerometer_x, accelerometer_y and accelerometer_z have the wrong sign"),
+        (SAME, EXCHANGED, "should be accelerometer_y, accelerometer_x, accelerometer_z"),
+        (1.1 * SAME, SAME, "gyro readings are 1.10 times as large as the motion of the track"),
+        (SAME, 0.95 * SAME, "accelerometer readings are 0.95 times as large as the motion of the track"),
+    ],
+)  # fmt: skip
+def test_readings_along_other_axes_are_named(gyro: np.ndarray, force: np.ndarray, words: str) -> None:
+    for seed in (6, 7):
+        fault = find_fault(changed(recording_of(fly(seed)), gyro, force), 3.0, 0.02)
+        assert fault is not None
+        assert fault.subject == IMU
+        assert words in fault.message
+
+
+def test_a_scale_within_those_of_the_campaign_is_no_fault() -> None:
+    recording = changed(recording_of(fly(6)), 1.1 * SAME, SAME)
+    assert find_fault(recording, 3.0, 0.02, 0.05) is None
 
 
 def rover(turning: float, late: float, seed: int) -> Recording:

@@ -43,7 +43,7 @@ def update_tables(found: Measurements) -> UpdateTables:
     never = np.zeros(updates, dtype=np.bool_)
     return UpdateTables(
         found.sensors, found.sizes, found.components, places_of(found), found.directions, found.parameters,
-        found.constants[:, :, :0], found.rows, found.places, whole, none, none, none, np.zeros(updates),
+        found.constants[:, :, :0], found.places, none, none, none, np.zeros(updates),
         np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
         np.zeros((updates, 9, most)), never,
         np.zeros(0, dtype=np.int64),

@@ -298,27 +298,27 @@ def _descent(reach: Array, altitude: Array, flown: Array, times: Array) -> Place
 
 
 def _plane(content: RunAnalysis, flown: Array, times: Array) -> Place | None:
-    columns, found = content.history.columns, dict[str, Array]()
+    columns, samples = content.history.columns, dict[str, Array]()
     for output in content.manifest.model.outputs:
         name = output.name.removeprefix(TRUE).removeprefix(NAVIGATED)
         column = f"{humanize(name)} [{output.unit}]"
         if output.unit == "m" and column in columns:
-            found[name] = columns[column]
+            samples[name] = columns[column]
     pairs = [
         (one, other)
-        for place, one in enumerate(found)
-        for other in list(found)[place + 1 :]
+        for place, one in enumerate(samples)
+        for other in list(samples)[place + 1 :]
         if one.rpartition("_")[0] == other.rpartition("_")[0] or {one, other} == {"range", "cross_range"}
     ]
     if not pairs:
         return None
-    spans = {name: float(np.ptp(values)) for name, values in found.items()}
+    spans = {name: float(np.ptp(values)) for name, values in samples.items()}
     right, up = max(pairs, key=lambda pair: (spans[pair[0]] + spans[pair[1]], min(spans[pair[0]], spans[pair[1]])))
     if right.endswith(("_north", "_down", "_z", "_up")) and not up.endswith(("_down", "_z", "_up")):
         right, up = up, right
     sign = -1.0 if up.endswith("_down") else 1.0
-    track = np.column_stack([found[right], sign * found[up]]) / 1e3
-    at = np.column_stack([np.interp(times, flown, each) for each in track.T])
+    track = np.column_stack([samples[right], sign * samples[up]]) / 1e3
+    at = np.column_stack([np.interp(times, flown, coordinate) for coordinate in track.T])
     return Place("plane", right, up, track, at, np.tile(np.eye(2), (len(times), 1, 1)))
 
 
@@ -385,13 +385,15 @@ def _causes(
     picked = [outputs[name] for name in (f"{prefix}{place.right}", f"{prefix}{place.up}") if name in outputs]
     listed = contributors(content) if content.filter is None else origins(content, content.filter)
     whole = variance_over_time(content)[:, picked].sum(axis=1)
-    parts = [variance_over_time(content, each.members)[:, picked].sum(axis=1) for each in listed]
+    parts = [variance_over_time(content, contributor.members)[:, picked].sum(axis=1) for contributor in listed]
     shares = np.array([np.divide(part, whole, out=np.zeros_like(part), where=whole > 0.0) for part in parts]).T
     nearest = np.abs(development.times - times[:, None]).argmin(axis=1)
     if content.what_if is None:
         kept = [j for j in range(len(listed)) if shares[:, j].max(initial=0.0) >= 0.01]
         return tuple(listed[j] for j in kept), shares[nearest][:, kept], words, ()
-    terms = _terms(content, content.what_if, [each.members for each in listed], picked, nearest, whole[nearest])
+    terms = _terms(
+        content, content.what_if, [contributor.members for contributor in listed], picked, nearest, whole[nearest]
+    )
     return tuple(listed), shares[nearest], words, terms
 
 

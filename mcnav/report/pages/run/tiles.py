@@ -81,10 +81,10 @@ def tiles(
 
 def _tile(summary: Summary, statement: Statement, sections: Container[str], time_unit: str) -> Tile:
     subject = statement.subject
-    found = {
+    worst_of = {
         "means": _mean, "requirements": _requirement, "filter": _filter, "smoother": _smoother, "linear": _linear,
     }  # fmt: skip
-    worst = found[subject](summary, time_unit)
+    worst = worst_of[subject](summary, time_unit)
     link = next((name for name in SECTIONS[subject] if name in sections), "")
     return Tile(
         subject=NAMES[subject],

@@ -61,6 +61,7 @@ from mcnav.systems.ins.ensemble.records import (
 from mcnav.systems.ins.ensemble.sample_groups import STEPS_OF_BLOCK, SampleGroups, put_aside, sample_groups, take_back
 from mcnav.systems.ins.ensemble.steps import (
     SHORT,
+    DeviationParts,
     Deviations,
     StepTables,
     add_given,
@@ -313,8 +314,8 @@ class AidedTables:
             lags[np.flatnonzero(measured.sensors == sensor)[1:]] = True
         return UpdateTables(
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions,
-            measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.rows, measured.places,
-            self.bounds, self.correlated, self.memory, self.white, self.limits, of_sensors, self.shared.gains, roots,
+            measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.places,
+            self.correlated, self.memory, self.white, self.limits, of_sensors, self.shared.gains, roots,
             self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))),
             filter_updates(
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
@@ -423,8 +424,8 @@ class _LaneRooms(NamedTuple):
 
     Attributes
     ----------
-    parts : Deviations
-        The memory of `samples` by parts.
+    parts : DeviationParts
+        Memory of `samples`.
     accepted, whitened : ndarray, shape (..., PARTS, PART)
         Rows of `own`, by parts.
     covariances, covariance_parts : ndarray, shapes (9 + q, 9 + q, LANES), (9 + q, 9 + q, PARTS, PART)
@@ -438,7 +439,7 @@ class _LaneRooms(NamedTuple):
     white: Array
     drifting: Array
     cause: Array
-    parts: Deviations
+    parts: DeviationParts
     accepted: Array
     whitened: Array
     covariances: Array

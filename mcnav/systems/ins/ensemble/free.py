@@ -190,10 +190,6 @@ def tabulate(truth: Truth, platform: Platform, responses: Responses, imu: Imu, e
     systems = process_systems(responses.between(0, 1), imu)
     biased = {name: float(variance) for name, (response, _, variance) in systems.items() if response.any()}
     width = NAVIGATION + len(biased)
-    halves = np.empty(2 * steps + 1)
-    halves[0::2], halves[1::2] = times, 0.5 * (times[:-1] + times[1:])
-    earth = truth.earth
-    around = truth.states(halves, platform, float(times[0]))
     at = truth.states(times[epochs], platform, float(times[0]))
     tables = EnsembleTables(
         epochs=epochs,
@@ -206,18 +202,29 @@ def tabulate(truth: Truth, platform: Platform, responses: Responses, imu: Imu, e
         decays=np.empty((steps, len(biased))),
         sizes=np.sqrt(np.array(list(biased.values()))),
         factors=np.empty((steps, width, width)),
-        places=around.position,
-        fields=earth.gravitation(around.position),
-        gradients=earth.gravity_gradient(around.position),
-        curvatures=earth.zonal_curvature(around.position[1::2]),
+        places=np.empty((2 * steps + 1, 3)),
+        fields=np.empty((2 * steps + 1, 3)),
+        gradients=np.empty((2 * steps + 1, 3, 3)),
+        curvatures=np.empty((steps, 3, 6)),
         start=starting_point(truth, float(times[0])),
         start_map=np.asarray(np.linalg.inv(output_map(truth, float(times[0]))), dtype=float),
         output_maps=np.stack([output_map(truth, float(time)) for time in times[epochs]]),
-        truth=true_states(earth, np.hstack([at.position, at.velocity])),
+        truth=true_states(truth.earth, np.hstack([at.position, at.velocity])),
     )
     for block, of_block in responses.blocks():
         _fill_steps(tables, block, of_block, process_systems(of_block, imu), tuple(biased))
+        _fill_places(tables, block, of_block.times, truth, platform)
     return tables
+
+
+def _fill_places(tables: EnsembleTables, block: slice, times: Array, truth: Truth, platform: Platform) -> None:
+    """Fill in the true places at the ends and the middles of a block's steps, and the field there."""
+    halves, where = np.empty(2 * len(times) - 1), slice(2 * block.start, 2 * block.stop + 1)
+    halves[0::2], halves[1::2] = times, 0.5 * (times[:-1] + times[1:])
+    places = truth.states(halves, platform, float(tables.responses.times[0])).position
+    tables.places[where], tables.fields[where] = places, truth.earth.gravitation(places)
+    tables.gradients[where] = truth.earth.gravity_gradient(places)
+    tables.curvatures[block] = truth.earth.zonal_curvature(places[1::2])
 
 
 def _fill_steps(

@@ -120,9 +120,19 @@ def deviations_of(errors: int, biases: int, keep: Rooms = room, started: Rooms =
     )  # fmt: skip
 
 
-def parts_of_deviations(samples: Deviations) -> Deviations:
-    """Return the same memory by parts, shape (..., PARTS, PART)."""
-    return Deviations(*map(parts_of, samples))
+class DeviationParts(NamedTuple):
+    """What a short step takes of the memory of `Deviations`, by parts: shapes (..., PARTS, PART)."""
+
+    turn: Array
+    moved: Array
+    response: Array
+    turned: Array
+    checked: Array
+
+
+def parts_of_deviations(samples: Deviations) -> DeviationParts:
+    """Return the memory of samples by parts."""
+    return DeviationParts(*(parts_of(getattr(samples, name)) for name in DeviationParts._fields))
 
 
 @uncontracted_subroutine
@@ -465,7 +475,7 @@ def _change_gravity(
 
 
 @allocation_free_part
-def advance_short(k: int, tables: StepTables, samples: Deviations, parts: Deviations, filtered: bool) -> None:
+def advance_short(k: int, tables: StepTables, samples: Deviations, parts: DeviationParts, filtered: bool) -> None:
     """Take samples over a step of at most `SHORT`, with their response to the errors of the instruments in it.
 
     Gravity changes by the mean position of the step, to which the velocity at its beginning and an even turned force
@@ -473,7 +483,7 @@ def advance_short(k: int, tables: StepTables, samples: Deviations, parts: Deviat
 
     Parameters
     ----------
-    parts : Deviations
+    parts : DeviationParts
         The samples' memory by parts, so that what a part needs stays in registers.
     filtered : bool
         Whether R - I is kept for covariances of the samples' own.

@@ -55,9 +55,7 @@ class UpdateTables(NamedTuple):
     directions: Array
     parameters: Array
     constant_rows: Array
-    rows: Array
     places: Array
-    bounds: IndexArray
     correlated: Array
     memory: Array
     white: Array

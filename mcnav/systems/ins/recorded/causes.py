@@ -31,7 +31,7 @@ START: Final = {"position": (0, 1, 2), "velocity": (3, 4, 5), "tilt": (6, 7), "h
 
 TOGETHER: Final = "navigation errors at the start"
 
-OF_INSTRUMENTS: Final = ("gyro_bias", "accelerometer_bias")
+OF_INSTRUMENTS: Final = ("gyro_bias", "accelerometer_bias", "gyro_scale_factor", "accelerometer_scale_factor")
 """Kinds of the instruments' errors that a record can show although the campaign does not have them."""
 
 MISSING_TIME: Final = 30.0

@@ -33,7 +33,7 @@ def _tables(content: RunAnalysis) -> list[Part]:
     sources = list(zip(*shown, content.source_units, strict=True))
     listed = [*((sigmas > 0.0) | (model.mean != 0.0)).tolist(), *(True for _ in model.processes)]
     every, parts = each_cause(budget, caused, content.cause_names, sources, listed), contributors(content)
-    grouped = "; of several causes the root sum square" if any(len(each.members) > 1 for each in parts) else ""
+    grouped = "; of several causes the root sum square" if any(len(part.members) > 1 for part in parts) else ""
     effect = "effect at the end" if content.several_kinds else content.ends.one
     foremost = share_tables(
         f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",

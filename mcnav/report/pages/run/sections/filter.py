@@ -67,8 +67,8 @@ def _neglected(summary: Summary) -> tuple[Part, ...]:
 def _verdict(content: RunAnalysis, result: FilterConsistency) -> Sentence:
     """State the verdict, where the filter is farthest off, and what makes it so."""
     verdict = result.verdict.value
-    told = " ".join(filter(None, (at_worst(result), details.explanation_of_filter(content.summary))))
-    return Sentence(Markup("{} {}").format(label(verdict, TONES[verdict]), told))
+    explained = " ".join(filter(None, (at_worst(result), details.explanation_of_filter(content.summary))))
+    return Sentence(Markup("{} {}").format(label(verdict, TONES[verdict]), explained))
 
 
 def _innovations(content: RunAnalysis, drawn: Mapping[str, Figure]) -> Sequence[Part]:

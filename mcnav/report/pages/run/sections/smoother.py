@@ -65,18 +65,18 @@ def _table(result: FilterConsistency, filtered: FilterConsistency | None) -> Tab
     return Table(caption, columns, rows) if rows else None
 
 
-def _row(result: FilterConsistency, each: SigmaConsistency, filtered: SigmaConsistency | None) -> SmoothedRow:
-    scale, unit = in_units(each.unit, each.shown_in, "shown")
-    at = int(np.nanargmax(each.true))
-    low, high = each.ratio.each[at].tolist()
-    ratio = float(each.ratio.value[at])
+def _row(result: FilterConsistency, consistency: SigmaConsistency, filtered: SigmaConsistency | None) -> SmoothedRow:
+    scale, unit = in_units(consistency.unit, consistency.shown_in, "shown")
+    at = int(np.nanargmax(consistency.true))
+    low, high = consistency.ratio.each[at].tolist()
+    ratio = float(consistency.ratio.value[at])
     return SmoothedRow(
-        Cell(humanize(each.name), unit),
+        Cell(humanize(consistency.name), unit),
         instant(float(result.times[at]), result.label),
         None if filtered is None else float(filtered.true[at]) * scale,
-        float(each.true[at]) * scale,
-        None if each.true_linear is None else float(each.true_linear[at]) * scale,
-        float(each.filter[at]) * scale,
+        float(consistency.true[at]) * scale,
+        None if consistency.true_linear is None else float(consistency.true_linear[at]) * scale,
+        float(consistency.filter[at]) * scale,
         Cell(rounded(ratio), strip=Strip.of(ratio, (low, high), result.tolerance)),
     )
 
