@@ -131,11 +131,11 @@ NOISE: Final = (
 GRAVITY: Final = tuple(Output(name, *PROCESS_UNITS[cause_of(name)]) for name in DISTURBANCES)
 """Gravity disturbances as states of a filter."""
 
-REVISION: Final = 6
+REVISION: Final = 7
 """Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
 
 4 computes them in single precision, 5 linear errors as sums. 6 computes the velocity of an antenna on a lever arm with
-measured rates.
+measured rates. 7 turns the force's error to the attitude that a filter's sample indicates.
 """
 
 EPOCHS: Final = 60
