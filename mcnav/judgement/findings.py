@@ -23,6 +23,9 @@ MOST_NUMBERS: Final = 3
 NOT_SEPARATE: Final = 5.0
 """Ratio of sigmas, with an arm free beside a delay and without, from which the record does not separate them."""
 
+UNSEEN: Final = 0.1
+"""Sigma of a scale factor from which the record says nothing of it: no instrument is wrong by a tenth."""
+
 PASSES: Final = 4
 """Times, at most, that stamps are moved until what is left of a delay is below its sigma."""
 
@@ -88,6 +91,11 @@ class OffsetVerdict:
     gain: float
     noticed: tuple[float, ...]
     beside_arm: tuple[float, float] | None = None
+
+    @property
+    def seen(self) -> tuple[bool, ...]:
+        """Whether the record says anything of each axis: not of the scale factor of an axis without motion."""
+        return tuple(self.unit != "1" or sigma < UNSEEN for sigma in self.sigma)
 
 
 @dataclass(frozen=True)
@@ -247,9 +255,12 @@ def _estimated(
     start, rate = changes.delays.get(candidate.sensor, (0.0, 0.0))
     moved_by = rate if candidate.name.endswith(CLOCK) else start
     values, sigmas, beside_arm = _beside_arm(changes.naming, candidate, moved_by)
+    estimates, errors = moved_by + values[:count], sigmas[:count]
+    if candidate.name.endswith(CLOCK):  # from a share of the stamps to one of the time of the readings
+        estimates, errors = estimates / (1.0 - estimates), errors / (1.0 - estimates) ** 2
     offset = replace(
-        offset, estimate=tuple((moved_by + values[:count]).tolist()), sigma=tuple(sigmas[:count].tolist()),
-        gain=candidate.gain, beside_arm=beside_arm,
+        offset, estimate=tuple(estimates.tolist()), sigma=tuple(errors.tolist()), gain=candidate.gain,
+        beside_arm=beside_arm,
     )  # fmt: skip
     if len(values) > count:
         changes = changes.with_error(candidate.sensor + DELAY, values[count:])

@@ -149,7 +149,8 @@ def afterwards(recording: Recording, finding: Finding) -> float:
     """Return the probability of a record as unusual with a finding pasted, or a clock corrected."""
     if finding.number.name.endswith(CLOCK):
         assert isinstance(finding.number, OffsetVerdict)
-        recording = moved_back(recording, {finding.number.name.removesuffix(CLOCK): (0.0, finding.number.estimate[0])})
+        fast = finding.number.estimate[0]
+        recording = moved_back(recording, {finding.number.name.removesuffix(CLOCK): (0.0, fast / (1.0 + fast))})
     record = filtered(recording, campaign=pasted(finding))
     of_campaign = with_causes(record, present(record))
     result = assess(of_campaign, recorded(of_campaign), AFTERWARDS, 1, 0)

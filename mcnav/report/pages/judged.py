@@ -108,6 +108,8 @@ def offset_words(number_: OffsetVerdict) -> str:
         return _clock_words(number_, scale)
     parts = []
     for place, axis in enumerate(number_.axes):
+        if not number_.seen[place]:
+            continue
         value, error = signed_estimate(number_, place), 1.959964 * number_.sigma[place]
         parts.append(f"{axis} {number(value * scale, 3)} ± {number(error * scale, 2)}".strip())
     unit = "" if number_.shown_in == "1" else f" {number_.shown_in}"
@@ -136,7 +138,7 @@ def _clock_words(number_: OffsetVerdict, scale: float) -> str:
     size = f"{number(abs(rate) * scale, 3)} ± {number(error * scale, 2)} {number_.shown_in}"
     return (
         f"the {sensor} clock runs {size} {side} against the readings: multiply the times between its stamps by "
-        f"{1.0 - rate:.6f}"
+        f"{1.0 / (1.0 + rate):.6f}"
     )
 
 
@@ -330,12 +332,14 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
         return "–" if not np.isfinite(value) else in_unit(value, each.unit, each.shown_in, digits)
 
     def estimated(row: tuple[OffsetVerdict, int]) -> str:
+        if not row[0].seen[row[1]]:
+            return "not seen in this record"
         return shown(row, [signed_estimate(row[0], place) for place in range(len(row[0].axes))], 3)
 
     columns: list[Column[tuple[OffsetVerdict, int]]] = [
         Column("Error", lambda row: f"{humanize(row[0].name)} {row[0].axes[row[1]]}".strip(), "error", "label"),
         Column("by this record", estimated),
-        Column("sigma", lambda row: shown(row, row[0].sigma, 2)),
+        Column("sigma", lambda row: shown(row, row[0].sigma, 2) if row[0].seen[row[1]] else "–"),
         Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2)),
     ]
     caption = (
@@ -377,7 +381,7 @@ def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:
         return f'{{ distribution = "fixed", value = {quoted(number_.estimate[0])} }}'
     if number_.used is not None:
         return f"[{', '.join(quoted(signed_estimate(number_, place)) for place in range(len(number_.axes)))}]"
-    size = float(np.sqrt(np.mean(np.square(number_.estimate))))
+    size = float(np.sqrt(np.mean(np.square(np.compress(number_.seen, number_.estimate)))))
     return f"{quoted(size)}  # a sigma, from the size that this record shows"
 
 
