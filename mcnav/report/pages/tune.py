@@ -25,14 +25,15 @@ SHORT: Final = {"does not hold": "does not hold", "cannot say": "is not shown to
 
 def verdict(tuning: Tuning) -> Verdict:
     """State whether a filter was found, and what it costs."""
-    largest = rounded(tuning.before, 5)
-    before = f"As it is, the largest true ÷ filter sigma is {largest} over the settings that were looked at."
+    ratio = rounded(tuning.before, 5)
+    before = f"As it is, the largest true ÷ filter sigma is {ratio} over the settings that were looked at."
     if tuning.chosen is None:
         words = "No filter that was tried bounds the errors at every setting"
         return Verdict(words, "differs", [before, "Let the filter model more of the errors: [filter] estimates."])
+    largest = f"With the beliefs below it is {rounded(tuning.chosen.ratio, 5)}; " if tuning.believes else "It is "
     sentences = [
         before,
-        f"With the beliefs below it is {rounded(tuning.chosen.ratio, 5)}; closest with {setting_words(tuning.worst)}.",
+        f"{largest}closest to optimistic with {setting_words(tuning.worst)}.",
         f"Errors are there {rounded(tuning.known)} times those of a filter that knows this setting.",
     ]
     if tuning.box is not None and not tuning.box.exact:
@@ -50,7 +51,8 @@ def verdict(tuning: Tuning) -> Verdict:
     if tuning.doubted:
         words = f"The filter is optimistic nowhere by linear analysis, which {SHORT[tuning.linearity]} here"
         return Verdict(words, "undecided", sentences)
-    return Verdict("With these beliefs the filter is optimistic at no setting that was looked at", "agrees", sentences)
+    filtered = "With these beliefs" if tuning.believes else "As it is,"
+    return Verdict(f"{filtered} the filter is optimistic at no setting that was looked at", "agrees", sentences)
 
 
 def pasted(tuning: Tuning) -> str:
