@@ -324,21 +324,23 @@ def address_of(dispatcher: Any, arguments: tuple[Any, ...]) -> int:
     return address
 
 
-def call_by_address(arguments: tuple[Any, ...]) -> Any:
+def call_by_address(arguments: tuple[Any, ...] = ()) -> Any:
     """Return a compiled function of an address and arguments of these types, which calls what is there.
 
-    It returns what has the type of the first argument. What is called must have been compiled for these types, and
-    raises nothing.
+    Without types they are those of each call. It returns what has the type of the first argument. What is called must
+    have been compiled for these types, and raises nothing.
     """
 
     @intrinsic  # type: ignore[untyped-decorator]
     def call(_: Any, address: Any, *given: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            convention, returned = context.call_conv, arguments[0]
-            function = convention.get_function_type(returned, arguments).as_pointer()
-            pointer, taken = builder.inttoptr(values[0], function), unpack_tuple(builder, values[1])
-            return convention.call_function(builder, pointer, returned, arguments, taken)[1]
+        taken = arguments or tuple(map(types.unliteral, given))
 
-        return arguments[0](address, types.StarArgTuple(arguments)), generate
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            convention, returned = context.call_conv, taken[0]
+            function = convention.get_function_type(returned, taken).as_pointer()
+            pointer, passed = builder.inttoptr(values[0], function), unpack_tuple(builder, values[1])
+            return convention.call_function(builder, pointer, returned, taken, passed)[1]
+
+        return taken[0](address, types.StarArgTuple(taken)), generate
 
     return call

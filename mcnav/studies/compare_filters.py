@@ -1,4 +1,7 @@
-"""Would another filter have been consistent: a campaign with each kind of filter, by the same samples."""
+"""Would another filter have been consistent: a campaign with each kind of filter, by samples with the same errors.
+
+Each kind has the engine that ``mcnav run`` takes. Kinds of one engine have the same noise as well.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +30,6 @@ from mcnav.systems.ins.filter.model import KINDS
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.workflow.cost import LONG, time_of
 from mcnav.workflow.run import run_campaign
-
-ENGINE: Final = "reference"
-"""Engine of every kind, so that only the filter differs."""
 
 POINTS: Final = 5
 """Values of a range."""
@@ -101,7 +101,7 @@ def compare_filters(
     results = []
     for number, ((value, kind), each, pace) in enumerate(zip(points, campaigns, paces, strict=True)):
         name = kind if value is None else f"{number // len(kinds) + 1:02d}_{kind}"
-        summary = run_campaign(each, folder / RUNS / name, ENGINE, plan.jobs, progress=progress).results
+        summary = run_campaign(each, folder / RUNS / name, None, plan.jobs, progress=progress).results
         results.append(KindResult(kind, value, f"{RUNS}/{name}", summary, pace.milliseconds))
     comparison = KindComparison(varied.campaign.name, kinds, variable, tuple(results))
     progress.phase(Phase.REPORTING)
@@ -142,10 +142,12 @@ def _tell_time(campaigns: Sequence[Campaign], paces: Sequence[Pace], jobs: int) 
 def _pace(scenario: Scenario) -> Pace:
     """Measure the computing time of a sample: the mean of some without errors, after a first one that is quick.
 
-    Of a long one what only the first pays is little, and others would make the user wait for the notice.
+    Of a long one what only the first pays is little, and others would make the user wait for the notice. The fast
+    engine compiles with its first chunk, and takes the samples of a chunk together.
     """
-    nothing = np.zeros((TIMED, len(scenario.sources)))
-    engine = scenario.engine(ENGINE, nothing[:1])
+    engine = scenario.engine(scenario.engines[0], np.zeros((1, len(scenario.sources))))
+    together = engine.parallel == "threads"
+    nothing = np.zeros((engine.chunk if together else TIMED, len(scenario.sources)))
 
     def seconds_of(count: int) -> float:
         begun = thread_time()
@@ -153,4 +155,4 @@ def _pace(scenario: Scenario) -> Pace:
         return (thread_time() - begun) / count
 
     seconds = seconds_of(1)
-    return Pace(1000.0 * (seconds_of(TIMED) if seconds < SLOW else seconds), engine.chunk)
+    return Pace(1000.0 * (seconds_of(len(nothing)) if together or seconds < SLOW else seconds), engine.chunk)

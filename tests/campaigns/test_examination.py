@@ -18,6 +18,7 @@ from mcnav.analysis.examination import Examination
 from mcnav.analysis.model import Model
 from mcnav.arrays.types import Array
 from mcnav.config.read import parse_campaign, read_campaign
+from mcnav.contract.failure import Failure
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.execution.progress import COMPILATION, NotCompiled
 from mcnav.report.pages.lincov import statements
@@ -206,7 +207,7 @@ def test_a_failed_flight_is_no_answer() -> None:
         def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
             values = batch.errors[:, :1].copy()
             values[3] = np.nan
-            return SimulationResult(values, {3: "fell"})
+            return SimulationResult(values, {3: Failure.of("fell")})
 
     model, errors = model_of(np.array([1.0, 0.0]))
     examined = examine.examine_model(model, errors, Failing(lambda x: x[:, 0]), 0.05)
@@ -266,7 +267,7 @@ def test_statement_and_requirements_follow_the_examination() -> None:
     assert words == (
         "Linear analysis, examined by 45 flights: holds for 1 of 2 outputs. It fails for y "
         "(2.53 times the linear sigma). Sigma to second order: y 52.2 m (linear 20.0). "
-        "Do not gate or fuse with the full matrix, which is wrong"
+        "Do not gate or fuse with the full matrix, which is wrong. Errors rarer than one in 30 would be missed"
     )
 
 

@@ -73,7 +73,7 @@ def test_one_command_gives_one_table(folder: Path) -> None:
     assert [row["kind"] for row in rows] == ["right-invariant"]
     for row in rows:
         summary = json.loads((folder / "out" / row["folder"] / "summary.json").read_text(encoding="utf-8"))
-        assert summary["engine"] == "reference"
+        assert summary["engine"] == "ensemble"
         assert row["nees_navigation"] == summary["filter"]["groups"]["navigation"]["nees_mean"]
         assert row["sigma_heading"] == summary["filter"]["outputs"]["heading"]["sigma_true"]
         assert row["nees_navigation_low"] < row["nees_navigation"] < row["nees_navigation_high"]

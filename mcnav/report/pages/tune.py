@@ -29,15 +29,15 @@ LEAST_SHOWN: Final = 1e-4
 
 def verdict(tuning: Tuning) -> Verdict:
     """State whether a filter was found, and what it costs."""
-    largest = _ratio(tuning.before)
-    before = f"As it is, the largest true ÷ filter sigma is {largest} over the settings that were looked at."
+    ratio = _ratio(tuning.before)
+    before = f"As it is, the largest true ÷ filter sigma is {ratio} over the settings that were looked at."
     if tuning.chosen is None:
         words = "No filter that was tried bounds the errors at every setting"
         return Verdict(words, "differs", [before, "Let the filter model more of the errors: [filter] estimates."])
+    largest = f"With the beliefs below it is {_ratio(tuning.chosen.ratio)}," if tuning.believes else "The filter is"
     sentences = [
         before,
-        f"With the beliefs below it is {_ratio(tuning.chosen.ratio)}, first at {tuning.closest} "
-        f"with {setting_words(tuning.worst)}.",
+        f"{largest} closest to optimistic at {tuning.closest} with {setting_words(tuning.worst)}.",
         f"Errors are there {rounded(tuning.known)} times those of a filter that knows this setting.",
     ]
     if tuning.box is not None and not tuning.box.exact:
@@ -55,7 +55,8 @@ def verdict(tuning: Tuning) -> Verdict:
     if tuning.doubted:
         words = f"The filter is optimistic nowhere by linear analysis, which {SHORT[tuning.linearity]} here"
         return Verdict(words, "undecided", sentences)
-    return Verdict("With these beliefs the filter is optimistic at no setting that was looked at", "agrees", sentences)
+    filtered = "With these beliefs" if tuning.believes else "As it is,"
+    return Verdict(f"{filtered} the filter is optimistic at no setting that was looked at", "agrees", sentences)
 
 
 def _ratio(value: float) -> str:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 TONES: Final = {"holds": "agrees", "does not hold": "differs", "cannot say": "undecided"}
 
-UNSEEN: Final = "The examination cannot see errors rarer than about one in thirty, such as a rare jump"
-"""What few simulations do not meet."""
+UNSEEN: Final = "Errors rarer than one in 30 would be missed"
+"""What few simulations do not meet, such as a jump: said wherever an output is said to hold."""
 
 NAMED: Final = 2
 """Outputs that are named with their ratios."""
@@ -64,7 +64,7 @@ def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
     verdicts = [output.verdict.value for output in examined.outputs]
     together = "" if examined.joint is None else examined.joint.verdict.value
     if {*verdicts, together} <= {"holds", ""}:
-        return f"{begin}: holds for all {len(names)} outputs, each alone and together", "agrees"
+        return f"{begin}: holds for all {len(names)} outputs, each alone and together. {UNSEEN}", "agrees"
     sentences = [f"{begin}: holds for {verdicts.count('holds')} of {len(names)} outputs"]
     failing = sorted(
         ((name, output) for name, output in zip(names, examined.outputs, strict=True)
@@ -84,6 +84,8 @@ def _statement(answer: LinearAnswer, examined: Examination) -> tuple[str, str]:
         sentences.append("Do not gate or fuse with the full matrix, which is wrong")
     elif together == "cannot say":
         sentences.append("It cannot say for the full covariance matrix: run samples before you use it")
+    if "holds" in verdicts:
+        sentences.append(UNSEEN)
     worst_verdict = next(verdict for verdict in ("does not hold", "cannot say") if verdict in (*verdicts, together))
     tone = "partly" if worst_verdict == "does not hold" and "does not hold" not in verdicts else TONES[worst_verdict]
     return ". ".join(sentences), tone

@@ -44,7 +44,7 @@ from mcnav.systems.ins.ensemble.adjoint import Adjoint, adjoint_of_free
 from mcnav.systems.ins.ensemble.aided import GivenNoise
 from mcnav.systems.ins.ensemble.conditional import ConditionalSamples, Measured, NoiseSystem
 from mcnav.systems.ins.ensemble.free import EnsembleErrors, EnsembleTables, simulate, simulate_given, tabulate
-from mcnav.systems.ins.filter.model import EKF, FilterModel
+from mcnav.systems.ins.filter.model import EKF, UKF, FilterModel
 from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
@@ -131,11 +131,11 @@ NOISE: Final = (
 GRAVITY: Final = tuple(Output(name, *PROCESS_UNITS[cause_of(name)]) for name in DISTURBANCES)
 """Gravity disturbances as states of a filter."""
 
-REVISION: Final = 6
+REVISION: Final = 7
 """Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
 
 4 computes them in single precision, 5 linear errors as sums. 6 computes the velocity of an antenna on a lever arm with
-measured rates.
+measured rates. 7 turns the force's error to the attitude that a filter's sample indicates.
 """
 
 EPOCHS: Final = 60
@@ -480,8 +480,10 @@ class Ins(PlainScenario):
         """Names of the engines."""
         if self.navigation.filter is None:
             return ("ensemble", "reference")
-        if self.navigation.filter.kind != EKF:
+        if self.navigation.filter.kind == UKF:
             return ("reference",)
+        if self.navigation.filter.kind != EKF:
+            return ("ensemble", "reference")
         if self.navigation.filter.smoothed:
             return ("shared-gains", "ensemble", "reference")
         return ("ensemble", "shared-gains", "reference")

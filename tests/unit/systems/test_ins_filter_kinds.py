@@ -15,9 +15,9 @@ from mcnav.config.overrides import override
 from mcnav.config.read import parse_campaign
 from mcnav.config.toml import load_mapping
 from mcnav.errors import CampaignError
-from mcnav.systems.ins.filter.model import EKF, KINDS
+from mcnav.systems.ins.filter.model import EKF, KINDS, LEFT, RIGHT
 from mcnav.systems.ins.recognition import is_ins
-from mcnav.systems.ins.reference.error_definitions import LEFT, RIGHT, carried_over, retracted
+from mcnav.systems.ins.reference.error_definitions import carried_over, retracted
 from mcnav.systems.ins.reference.nonlinear_updates import iterate, sigma_points, update_by_sigma_points
 from tests.filter_kinds import CAMPAIGN
 

@@ -162,10 +162,11 @@ def propagate(durations: Array, step: Step, filters: Covariances) -> Array:
 
 
 def indicated_error(step: Step, lane: int, half: int) -> Array:
-    """Compute the error of the force's integral that a sample indicates, with psi of the step's end."""
+    """Compute the error of the force's integral, with psi of the step's end, in the axes that a sample indicates."""
     share, force = (1 / 2, 1 / 3)[half], step.thrust[0, 3 * half : 3 * half + 3]
     response = step.response[:, lane]
-    return np.asarray(response[3 + 3 * half : 6 + 3 * half] - share * np.cross(response[:3], force))
+    error = response[3 + 3 * half : 6 + 3 * half] - share * np.cross(response[:3], force)
+    return np.asarray(step.rotations[lane] @ error)
 
 
 def compare(found: Array, covariance: Array, step: Step, transitions: list[Array]) -> None:

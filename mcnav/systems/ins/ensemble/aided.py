@@ -44,6 +44,7 @@ from mcnav.systems.ins.ensemble.flexures import SensorFlexure, draw_flexures, se
 from mcnav.systems.ins.ensemble.free import EnsembleTables
 from mcnav.systems.ins.ensemble.gains import SharedGains
 from mcnav.systems.ins.ensemble.innovations import places_of
+from mcnav.systems.ins.ensemble.kind_updates import UPDATE, KindRooms, kind_rooms, number_of
 from mcnav.systems.ins.ensemble.lateness import draw_jitters, late_errors
 from mcnav.systems.ins.ensemble.normalization import share_covariances
 from mcnav.systems.ins.ensemble.propagation import propagate_covariances
@@ -90,7 +91,7 @@ from mcnav.systems.ins.ensemble.updates import (
     whiten_by_shared,
 )
 from mcnav.systems.ins.filter.consistency import COUNTS
-from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.filter.model import EKF, NAVIGATION
 from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.imu.instruments import CONSTANTS, IMU_STREAM
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
@@ -447,6 +448,7 @@ class _LaneRooms(NamedTuple):
     shown: Array
     reading: ReadingRooms
     groups: SampleGroups
+    of_kind: KindRooms
 
 
 @dataclass(frozen=True)
@@ -528,7 +530,7 @@ def simulate_aided(
         nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1)),
         nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1)), flexed,
     )  # fmt: skip
-    steps = tables.steps(active)
+    steps, updates = tables.steps(active), tables.updates(active_aiding, active)
     rooms = _lane_rooms(tables, count, len(active), len(active_aiding), steps.factors.shape[2], own, noise.drifting)
     kept = count if smoothed else 0
     results = Readings(
@@ -536,9 +538,14 @@ def simulate_aided(
         np.empty((epochs, count, len(rooms.reading.record))), np.empty((kept, epochs, 10)),
         np.zeros((kept, *tables.white.shape)),
     )  # fmt: skip
+    of_filter = tables.filter_steps if own else tables.no_filter_steps
+    given_kind = (
+        0, 0, steps.constants, of_filter, updates, rooms.samples, rooms.own, rooms.filters, rooms.accepted,
+        rooms.whitened, rooms.cause, rooms.of_kind,
+    )  # fmt: skip
+    number = number_of(tables.loop.model.kind if own else EKF, given_kind)
     _run(
-        steps, tables.estimate_steps, tables.filter_steps if own else tables.no_filter_steps,
-        tables.updates(active_aiding, active), tables.epochs, of_samples, noise, rooms, own, results,
+        steps, tables.estimate_steps, of_filter, updates, tables.epochs, of_samples, noise, rooms, own, number, results
     )  # fmt: skip
     beyond = (results.outcomes == SOUND) & ~np.isfinite(results.values).all(axis=(1, 2))
     outcome = np.where(beyond, BEYOND, results.outcomes)
@@ -660,6 +667,7 @@ def _lane_rooms(
         room(components if drifting else 0),
         reading_rooms(states, width_of_record(len(tables.epochs.chosen), states, len(loop.sensors)), own),
         sample_groups(count, keep),
+        kind_rooms(states, loop.model.kind if own else EKF),
     )
 
 
@@ -745,7 +753,7 @@ def _update(
     u: int, m: int, constants: Array, corrected: Array, of_filter: FilterSteps, updates: UpdateTables, own_gains: bool,
     lanes: _LaneRooms,
 ) -> None:  # fmt: skip
-    """Update samples and their filters with a measurement."""
+    """Update samples and their error-state filters with a measurement."""
     samples, own, filters, sensor = lanes.samples, lanes.own, lanes.filters, updates.sensors[u]
     innovate(u, m, constants, updates, samples, filters.rows, own)
     if own_gains:
@@ -789,7 +797,8 @@ def _respond(
 @allocation_free_loop
 def _run(
     steps: StepTables, estimated: EstimateSteps, of_filter: FilterSteps, updates: UpdateTables, epochs: EpochTables,
-    given: _Given, noise: _Noise, lanes: _LaneRooms, own_gains: bool, results: Readings,
+    given: _Given, noise: _Noise, lanes: _LaneRooms, own_gains: bool, of_kind: int,
+    results: Readings,
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
     samples, own, filters, constants = lanes.samples, lanes.own, lanes.filters, steps.constants
@@ -827,7 +836,13 @@ def _run(
                 for u in range(first, last):
                     m = updates.sizes[u]
                     _disturb(u, m, (u - started) * most, begin, size, updates, noise, lanes)
-                    _update(u, m, constants, estimated.corrected, of_filter, updates, own_gains, lanes)
+                    if of_kind != 0:
+                        UPDATE(
+                            of_kind, u, m, constants, of_filter, updates, samples, own, filters, lanes.accepted,
+                            lanes.whitened, lanes.cause, lanes.of_kind,
+                        )  # fmt: skip
+                    else:
+                        _update(u, m, constants, estimated.corrected, of_filter, updates, own_gains, lanes)
                     if len(results.innovations) > 0:
                         keep_innovation(u, m, begin, size, own.innovation, results.innovations)
                 # errors and records of the filters at an epoch

@@ -416,7 +416,7 @@ def _divide_by_root(x: Block, root: Array, inverse: Array, t: int, c: int) -> Bl
 
 
 @allocation_free_part
-def _whiten(m: int, t: int, accepted: Array, whitened: Array, filters: Covariances) -> None:
+def whiten_projected(m: int, t: int, accepted: Array, whitened: Array, filters: Covariances) -> None:
     """Compute ``W = P H^T L^-T`` of part t, zero where a measurement is rejected, and the corrections ``W u``."""
     cross, white, root, inverse = filters.cross, filters.white, filters.root_parts, filters.inverse_parts
     share, correction = load_part(accepted, (0, t)), filters.correction_parts
@@ -531,7 +531,7 @@ def update_covariances(
         Whether measurements are accepted, and the whitened innovations.
     """
     for t in range(PARTS):
-        _whiten(m, t, accepted, whitened, filters)
+        whiten_projected(m, t, accepted, whitened, filters)
         if tables.careful[u]:
             _reduce_by_joseph(u, m, t, steps, tables, filters)
         else:

@@ -57,8 +57,8 @@ def _part_of_rows(rows: Array, t: int) -> Block:
 
 
 @allocation_free_part
-def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple[Vector, Vector, Vector]:
-    """Compute the error of the force's integral that a sample indicates in step k: of the velocity or the position."""
+def _force_error(thrust: Array, k: int, half: int, response: Block) -> tuple[Vector, Vector, Vector]:
+    """Compute the error of the force's integral in step k, of the velocity or the position, before it is turned."""
     # the linear response, less what psi that grows evenly to a makes of the force: a x f / 2, of the position a x f / 3
     at = THREE * half
     ax, ay, az = response[0], response[1], response[2]
@@ -72,16 +72,21 @@ def _indicated_force(thrust: Array, k: int, half: int, response: Block) -> tuple
 
 
 @allocation_free_part
-def _turned_force(thrust: Array, k: int, half: int, turned: Block, response: Block) -> tuple[Vector, Vector, Vector]:
-    """Compute the force's integral as a sample indicates it."""
-    x, y, z = _indicated_force(thrust, k, half, response)
-    at = THREE * half
-    fx, fy, fz = thrust[k, at], thrust[k, at + 1], thrust[k, at + 2]
+def _turn(turned: Block, x: Vector, y: Vector, z: Vector) -> tuple[Vector, Vector, Vector]:
+    """Compute ``R x``, with R - I."""
     return (
-        x + fx + (turned[0] * fx + turned[1] * fy + turned[2] * fz),
-        y + fy + (turned[3] * fx + turned[4] * fy + turned[5] * fz),
-        z + fz + (turned[6] * fx + turned[7] * fy + turned[8] * fz),
+        x + (turned[0] * x + turned[1] * y + turned[2] * z),
+        y + (turned[3] * x + turned[4] * y + turned[5] * z),
+        z + (turned[6] * x + turned[7] * y + turned[8] * z),
     )
+
+
+@allocation_free_part
+def _indicated_force(thrust: Array, k: int, half: int, turned: Block, response: Block) -> tuple[Vector, Vector, Vector]:
+    """Compute the force's integral as a sample indicates it: ``R (f + df)``."""
+    x, y, z = _force_error(thrust, k, half, response)
+    at = THREE * half
+    return _turn(turned, x + thrust[k, at], y + thrust[k, at + 1], z + thrust[k, at + 2])
 
 
 @allocation_free_part
@@ -168,8 +173,8 @@ def _propagate_short(k: int, t: int, tables: FilterSteps, turned: Array, respons
     half = 0.5 * tables.durations[k]
     rotation, of_errors = _part_of_rows(turned, t), _part_of_rows(response, t)
     # integral of the force as indicated, and what that integral's has beyond half a step of it
-    x, y, z = _turned_force(tables.thrust, k, 0, rotation, of_errors)
-    u, v, w = _turned_force(tables.thrust, k, 1, rotation, of_errors)
+    x, y, z = _indicated_force(tables.thrust, k, 0, rotation, of_errors)
+    u, v, w = _indicated_force(tables.thrust, k, 1, rotation, of_errors)
     store_part(filters.force, (0, 0), x)
     store_part(filters.force, (0, 1), y)
     store_part(filters.force, (0, 2), z)
@@ -188,10 +193,11 @@ def _propagate_long(k: int, t: int, tables: FilterSteps, turned: Array, response
     p, transition, coupled, product = filters.p, filters.transition, filters.coupled, filters.product
     motion, turning, moving, n = tables.motion, tables.turning, tables.moving, p.shape[1]
     rotation, of_errors = _part_of_rows(turned, t), _part_of_rows(response, t)
-    # transition of v, x by psi: R T R^T, less the cross product with the force that errors indicate
+    # transition of v, x by psi: R T R^T, less the cross product with the force's error as indicated, R df
     for half in range(2):
         b = _turn_both(rotation, load_numbers(motion, (k, half, 0)))
-        x, y, z = _indicated_force(tables.thrust, k, half, of_errors)
+        x, y, z = _force_error(tables.thrust, k, half, of_errors)
+        x, y, z = _turn(rotation, x, y, z)
         b = (b[0], b[1] + z, b[2] - y, b[3] - z, b[4], b[5] + x, b[6] + y, b[7] - x, b[8])
         store_block(transition, half, b)
     for j in range(n):

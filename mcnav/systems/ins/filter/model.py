@@ -27,8 +27,21 @@ NAVIGATION: Final = 9
 """States of attitude, velocity and position."""
 
 EKF: Final = "ekf"
-KINDS: Final = (EKF, "iterated", "left-invariant", "right-invariant", "ukf")
-"""Kinds of filters: how their error is defined, and how they update; see `mcnav.systems.ins.reference.kinds`."""
+ITERATED: Final = "iterated"
+LEFT: Final = "left-invariant"
+RIGHT: Final = "right-invariant"
+UKF: Final = "ukf"
+KINDS: Final = (EKF, ITERATED, LEFT, RIGHT, UKF)
+"""Kinds of filters: how their error is defined, and how they update.
+
+`mcnav.systems.ins.reference.error_definitions` and `mcnav.systems.ins.reference.nonlinear_updates` have the equations.
+"""
+
+ITERATIONS: Final = 10
+"""Most iterations of an update; three suffice where it is nearly linear."""
+
+SETTLED: Final = 1e-3
+"""Change of a correction, in sigmas, at which iteration ends."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from mcnav.arrays.products import map_covariances
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.faults import fault_errors
 from mcnav.systems.ins.filter.consistency import SensorCounts, normalized_errors, record_row
-from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
+from mcnav.systems.ins.filter.model import ITERATED, NAVIGATION, UKF, FilterModel
 from mcnav.systems.ins.imu.instruments import ACCELEROMETER, CONSTANTS, GYRO, OUTPUTS, Imu
 from mcnav.systems.ins.imu.sample_noise import SampleNoise, draw_sample_noise
 from mcnav.systems.ins.reference.compensation import measure as measure_readings
@@ -63,9 +63,8 @@ LONGEST_FILTER_STEP: Final = 0.2
 SHARE_OF_CORRELATION: Final = 0.1
 """Longest step of the filter's covariance as a share of the shortest believed correlation time."""
 
-UKF: Final = "ukf"
 UPDATES: Final[Mapping[str, Callable[[FilteredNavigator, Measure, Array, float], Update]]] = {
-    "iterated": iterate, UKF: update_by_sigma_points
+    ITERATED: iterate, UKF: update_by_sigma_points
 }  # fmt: skip
 """Updates by kind of filter; others have the linear one."""
 

@@ -29,17 +29,12 @@ An error-state filter takes the second to be of no account: it is of second orde
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.numerics.extended_poses import exponential
+from mcnav.systems.ins.filter.model import LEFT, RIGHT
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY, cross_matrix
-
-LEFT: Final = "left-invariant"
-RIGHT: Final = "right-invariant"
-"""Kinds of filters whose error is invariant."""
 
 
 def retracted(kind: str, change: Array) -> Array:

@@ -30,7 +30,7 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.numerics.extended_poses import logarithm
-from mcnav.systems.ins.filter.model import NAVIGATION
+from mcnav.systems.ins.filter.model import ITERATIONS, NAVIGATION, SETTLED
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
 from mcnav.systems.ins.reference.collocation import NODES
 from mcnav.systems.ins.reference.earth_fixed_errors import FilterSteps
@@ -39,12 +39,6 @@ from mcnav.systems.ins.reference.mechanization import matrices
 
 Measure: TypeAlias = Callable[[Array, Array], tuple[Array, Array]]
 """Innovation, shape (c,), and response, shape (c, 9 + q), at a state, shape (10,), and estimates, shape (q,)."""
-
-ITERATIONS: Final = 10
-"""Most iterations of an update; three suffice where it is nearly linear."""
-
-SETTLED: Final = 1e-3
-"""Change of a correction, in sigmas, at which iteration ends."""
 
 WEIGHT: Final = 0.5
 """Weight of a sigma point at a distance of one sigma."""
