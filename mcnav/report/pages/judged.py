@@ -340,7 +340,7 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
         Column("Error", lambda row: f"{humanize(row[0].name)} {row[0].axes[row[1]]}".strip(), "error", "label"),
         Column("by this record", estimated),
         Column("sigma", lambda row: shown(row, row[0].sigma, 2) if row[0].seen[row[1]] else "–"),
-        Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2)),
+        Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2) if row[0].seen[row[1]] else "–"),
     ]
     caption = (
         "Constant errors that the campaign does not have, each alone, with what is named changed. Of a lever arm, the "
