@@ -158,5 +158,5 @@ def test_a_live_setting_says_that_it_is_not_linear(tmp_path: Path) -> None:
     live.tune(1, tuned)
     first, setting = json.loads(json.dumps(live.state()))["settings"]
     assert (first["doubted"], setting["doubted"]) == ([], ["range rate"])
-    assert any("Range rate (true sigma about" in words for words, _ in setting["sentences"])
+    assert any("It fails for range rate (" in words for words, _ in setting["sentences"])
     assert {row["words"]: row["doubt"] for row in setting["sigmas"]}["range rate"] == "linear analysis does not hold"
