@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mcnav.analysis.linear_answer import LinearAnswer
+    from mcnav.analysis.tuning import Tuning
     from mcnav.contract.history import Epochs, History, Panel
     from mcnav.contract.quantities import Output, Source
     from mcnav.contract.samples import SimulationResult
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from mcnav.studies.judge import judge_recording
     from mcnav.studies.linear_covariance import linear_covariance
     from mcnav.studies.recordings import RecordingFiles
+    from mcnav.studies.tune import tune
     from mcnav.systems.closed_loop.declarations import (
         Attitude,
         ClosedLoop,
@@ -134,6 +136,8 @@ _HOMES = {
     "simulate": "mcnav.frames.simulation",
     "student_t": "mcnav.sampler.sizes",
     "table": "mcnav.sampler.sizes",
+    "Tuning": "mcnav.analysis.tuning",
+    "tune": "mcnav.studies.tune",
     "triangular": "mcnav.sampler.sizes",
     "truncated_normal": "mcnav.sampler.sizes",
     "uniform": "mcnav.sampler.sizes",
@@ -172,6 +176,7 @@ __all__ = [
     "Strapdown",
     "Track",
     "Trigger",
+    "Tuning",
     "White",
     "allocate",
     "check_scenario",
@@ -204,6 +209,7 @@ __all__ = [
     "table",
     "triangular",
     "truncated_normal",
+    "tune",
     "uniform",
 ]
 

@@ -8,7 +8,7 @@ nobody who uses the output could notice:
   difference of two vectors of 6.4e6 m, an attitude one of directions;
 - `CANCELLED` of the largest term of the linear sum, and of its mean: terms that cancel leave their rounding;
 - `STORED` of the largest sigma beside it, for a covariance that a filter keeps. Sigmas in one unit are compared as they
-  are, those in different units over the scales of their outputs;
+  are, those in different units over the scales of their outputs. Angles count beside angles alone;
 - `SIMULATED` of the sigmas of its terms, for a combination of outputs;
 - `OWN_SIZE` of the error that sources of fixed value leave in the output: its own size, beside which its dispersion is
   nothing;
@@ -123,7 +123,9 @@ def filter_floor(
         [max(size for size, other in zip(largest, units, strict=True) if other == unit) for unit in units]
     )
     if scales is not None and np.isfinite(scales).any():
-        share = float(np.max(largest / scales))
+        # an attitude error becomes a position error with time, and is in the position's own sigma then
+        spreading = np.array([unit != "rad" for unit in units])
+        share = float(np.max(largest[spreading] / scales[spreading], initial=0.0))
         beside = np.maximum(beside, share * np.where(np.isfinite(scales), scales, 0.0))
     return np.asarray(np.maximum(STORED * beside, 0.0 if floor is None else floor))
 

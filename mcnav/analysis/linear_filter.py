@@ -61,18 +61,28 @@ class LinearVerdict:
     verdict: Honesty
     tolerance: float
     label: str
-    times: Array
-    ratios: Array
-    groups: Mapping[str, Array]
+    times: Array = field(repr=False)
+    ratios: Array = field(repr=False)
+    groups: Mapping[str, Array] = field(repr=False)
     output: str
     group: str
     factor: float
     worst: float
     begin: float | None = None
     end: float | None = None
-    departing: tuple[int, ...] = ()
+    departing: tuple[int, ...] = field(default=(), repr=False)
     neglected: tuple[NeglectedError, ...] = ()
     floors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def largest(self) -> tuple[float, float]:
+        """The largest ratio of any output or group, and the first time at which it is reached; NaN without a ratio."""
+        ratios = np.column_stack([self.ratios, *self.groups.values()])
+        at_readings = np.where(np.isnan(ratios), -np.inf, ratios).max(axis=1, initial=-np.inf)
+        if np.isneginf(at_readings).all():
+            return np.nan, np.nan
+        reading = int(np.argmax(at_readings))
+        return float(at_readings[reading]), float(self.times[reading])
 
     @property
     def throughout(self) -> bool:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from mcnav.analysis.box import Box, Setting
 from mcnav.analysis.remedies import DOUBTED
+
+ROUNDING: Final = 1e-9
+"""Ratio above one that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,13 @@ class Tuning:
         ends, by flights; empty where it was not examined.
     unexamined : str
         Why it was not, a clause; empty where it was, or nobody asked.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> tuning = mc.Tuning("a campaign", "mean filter sigma", 1.2, None, (), None, float("nan"), {})
+    >>> tuning.believes, tuning.doubted
+    ({}, False)
     """
 
     campaign: str
@@ -123,6 +133,15 @@ class Tuning:
     samples: int = 0
     linearity: str = ""
     unexamined: str = ""
+
+    @property
+    def closest(self) -> str:
+        """When the chosen filter comes closest to being optimistic, such as ``time 12 s``; empty where not known."""
+        if self.box is None or self.box.filter is None:
+            return ""
+        verdict = self.box.filter.optimistic
+        name, _, unit = verdict.label.partition(" [")
+        return f"{name} {verdict.largest[1]:.6g} {unit.rstrip(']')}".rstrip()
 
     @property
     def doubted(self) -> bool:

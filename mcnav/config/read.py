@@ -164,7 +164,11 @@ def _read_tables(table: CampaignTable, context: FileContext, stem: str, numbers:
     if described is None or model is None or context.problems:
         raise context.error()
     if described.complete is not None:
-        described = replace(described, scenario=described.complete(described.scenario, model))
+        try:
+            described = replace(described, scenario=described.complete(described.scenario, model))
+        except ScenarioError as wrong:
+            context.problem(wrong.key, str(wrong))
+            raise context.error() from None
     columns = {
         source.name: stored_table(source, each)
         for source in sources

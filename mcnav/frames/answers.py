@@ -44,12 +44,19 @@ class LinearResult:
     def outputs(self) -> pd.DataFrame:
         """A row an output at the end: ``unit``, ``mean_linear``, ``sigma_linear``, with a filter ``sigma_filter``.
 
-        ``mean_second`` and ``sigma_second`` are those of second order, where they are known well enough.
+        ``mean_second`` and ``sigma_second`` are those of second order, where they are known well enough. Of a campaign
+        with ranges the row is of the upper ends; ``sigma_best`` and ``sigma_worst`` are over all their settings, which
+        ``answer.box`` names.
         """
+        box = self.answer.box
+        spreads = box.outputs if box is not None and box.varies else [None] * len(self.answer.outputs)
+        scales = [units_shown(self.answer.outputs)[name][0] for name in self._outputs]
         rows = [
             {"output": row.output, "unit": row.unit, "mean_linear": row.mean, "sigma_linear": row.sigma,
-             "mean_second": row.mean_second, "sigma_second": row.sigma_second, "sigma_filter": row.sigma_filter}
-            for row in final_rows(self.answer)
+             "mean_second": row.mean_second, "sigma_second": row.sigma_second, "sigma_filter": row.sigma_filter,
+             "sigma_best": None if spread is None else spread.best.value * scale,
+             "sigma_worst": None if spread is None else spread.worst.value * scale}
+            for row, spread, scale in zip(final_rows(self.answer), spreads, scales, strict=True)
         ]  # fmt: skip
         return pd.DataFrame(rows).set_index("output").dropna(axis="columns", how="all")
 

@@ -12,7 +12,7 @@ import numpy as np
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.assessment import LEVEL, assess
-from mcnav.judgement.naming import Candidate, Named, Naming
+from mcnav.judgement.naming import CLOCK, DELAY, Candidate, Named, Naming
 from mcnav.judgement.profile import DROP, Factor
 from mcnav.judgement.reduction import present, with_causes, with_error, with_size
 from mcnav.judgement.simulation import recorded
@@ -23,10 +23,14 @@ MOST_NUMBERS: Final = 3
 NOT_SEPARATE: Final = 5.0
 """Ratio of sigmas, with an arm free beside a delay and without, from which the record does not separate them."""
 
-DELAY: Final = "_delay"
+UNSEEN: Final = 0.1
+"""Sigma of a scale factor from which the record says nothing of it: no instrument is wrong by a tenth."""
 
-Again: TypeAlias = Callable[[Mapping[str, float]], FilteredRecord]
-"""Takes a filter through a record again, the stamps of sensors moved back by delays, s."""
+PASSES: Final = 4
+"""Times, at most, that stamps are moved until what is left of a delay is below its sigma."""
+
+Again: TypeAlias = Callable[[Mapping[str, tuple[float, float]]], FilteredRecord]
+"""Takes a filter through a record again, the stamps of sensors moved back by delays: s at the start, and s per s."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,11 @@ class OffsetVerdict:
     noticed: tuple[float, ...]
     beside_arm: tuple[float, float] | None = None
 
+    @property
+    def seen(self) -> tuple[bool, ...]:
+        """Whether the record says anything of each axis: not of the scale factor of an axis without motion."""
+        return tuple(self.unit != "1" or sigma < UNSEEN for sigma in self.sigma)
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -120,8 +129,8 @@ class Changes:
     ----------
     record : FilteredRecord
         As the campaign has it, the stamps of sensors moved back by `delays`.
-    delays : mapping of str to float
-        Of sensors, s.
+    delays : mapping of str to (float, float)
+        Of sensors, s at the start of the record, and s per s.
     errors : mapping of str to ndarray
         Constant errors, beside these delays.
     sizes : mapping of int to float
@@ -129,7 +138,7 @@ class Changes:
     """
 
     record: FilteredRecord
-    delays: Mapping[str, float] = field(default_factory=dict)
+    delays: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     errors: Mapping[str, Array] = field(default_factory=dict)
     sizes: Mapping[int, float] = field(default_factory=dict)
 
@@ -149,12 +158,21 @@ class Changes:
         """The candidates of the changed campaign; the constant errors are free in everything."""
         return Naming(self.changed, tuple(self.errors))
 
-    def with_delay(self, sensor: str, delay: float, again: Again | None) -> Changes:
-        """Move the stamps of a sensor back: to second order, what is left of the delay is a constant error."""
-        if again is None:
-            return self
-        delays = {**self.delays, sensor: delay}
-        return replace(self, record=again(delays), delays=delays)
+    def moved(self, candidate: Candidate, again: Again | None) -> Changes:
+        """Move the stamps of a sensor back by its delay, until what is left is an error of less than a sigma."""
+        changes, sensor = self, candidate.sensor
+        for _ in range(PASSES if again is not None and sensor else 0):
+            assert again is not None
+            values, sigmas = _estimates(changes.naming, candidate.free)
+            if changes is not self and np.all(np.abs(values) < sigmas):
+                break
+            start, rate = changes.delays.get(sensor, (0.0, 0.0))
+            clock = candidate.name.endswith(CLOCK)
+            rate += float(values[0]) if clock else 0.0
+            start += float(np.sum(values[1:])) if clock else float(values[0])
+            delays = {**changes.delays, sensor: (start, rate)}
+            changes = replace(changes, record=again(delays), delays=delays)
+        return changes
 
     def with_error(self, name: str, values: Array) -> Changes:
         """Add a constant error."""
@@ -233,16 +251,20 @@ def _estimated(
         return replace(cause, factor=factor), changes.with_size(candidate.cause, factor.value)
     assert candidate.offset is not None
     offset = verdict if isinstance(verdict, OffsetVerdict) else _offset(naming.record, candidate)
-    moved_by = np.zeros(len(candidate.free))
-    if candidate.name.endswith(DELAY) and again is not None:
-        moved_by, _ = _estimates(naming, candidate.free)
-        changes = changes.with_delay(candidate.name.removesuffix(DELAY), float(moved_by[0]), again)
-    values, sigmas, beside_arm = _beside_arm(changes.naming, candidate, float(moved_by[0]))
+    changes, count = changes.moved(candidate, again), len(offset.axes)
+    start, rate = changes.delays.get(candidate.sensor, (0.0, 0.0))
+    moved_by = rate if candidate.name.endswith(CLOCK) else start
+    values, sigmas, beside_arm = _beside_arm(changes.naming, candidate, moved_by)
+    estimates, errors = moved_by + values[:count], sigmas[:count]
+    if candidate.name.endswith(CLOCK):  # from a share of the stamps to one of the time of the readings
+        estimates, errors = estimates / (1.0 - estimates), errors / (1.0 - estimates) ** 2
     offset = replace(
-        offset, estimate=tuple((moved_by + values).tolist()), sigma=tuple(sigmas.tolist()), gain=candidate.gain,
+        offset, estimate=tuple(estimates.tolist()), sigma=tuple(errors.tolist()), gain=candidate.gain,
         beside_arm=beside_arm,
     )  # fmt: skip
-    return offset, changes.with_error(candidate.name, values)
+    if len(values) > count:
+        changes = changes.with_error(candidate.sensor + DELAY, values[count:])
+    return offset, changes.with_error(candidate.name, values[:count])
 
 
 def _absent_cause(record: FilteredRecord, candidate: Candidate) -> CauseVerdict:

@@ -28,6 +28,14 @@ TOLD_APART: Final = float(np.log(20.0))
 """Difference of gains below which two candidates are not told apart: a ratio of likelihoods of twenty."""
 
 
+DELAY: Final = "_delay"
+CLOCK: Final = "_clock_rate"
+"""Ends of the names of a sensor's delay, and of the rate of its clock."""
+
+GROWS: Final = 0.5 * float(chi2.isf(0.05, 1))
+"""Gain of a clock rate beside a constant delay from which the delay may be one that grows."""
+
+
 def _limit(freedom: int) -> float:
     """Return the gain from which a candidate stands."""
     return 0.5 * float(chi2.isf(STANDS, freedom))
@@ -63,6 +71,12 @@ class Candidate:
     lasting: float
     factor: float = 1.0
     at_end: bool = False
+
+    @property
+    def sensor(self) -> str:
+        """The sensor whose stamps it moves; none where it moves none."""
+        kind = next((kind for kind in (DELAY, CLOCK) if self.offset is not None and self.name.endswith(kind)), "")
+        return self.name.removesuffix(kind) if kind else ""
 
     @property
     def freedom(self) -> int:
@@ -109,13 +123,20 @@ class Naming:
         for number, offset in enumerate(self.record.offsets):
             if offset.name in scan.settled:
                 continue
-            free = scan.columns[offset.name]
+            free = self.freed(offset.name)
             gain = scan.highest(free) - scan.highest(NOTHING)
             yield Candidate(offset.name, None, number, free, gain - len(free), self._lasting_beside(offset.name))
 
+    def freed(self, name: str) -> IndexArray:
+        """Return the errors that a constant one frees: a clock rate frees the delay at the start as well."""
+        free = self.scan.columns[name]
+        if not name.endswith(CLOCK):
+            return free
+        return np.concatenate([free, self.scan.columns.get(name.removesuffix(CLOCK) + DELAY, NOTHING)])
+
     def beside(self, name: str) -> IndexArray:
         """Return the errors that are free beside a constant one: a sensor's arm beside its delay, and the reverse."""
-        for kind, other in (("_delay", "_lever_arm"), ("_lever_arm", "_delay")):
+        for kind, other in ((DELAY, "_lever_arm"), ("_lever_arm", DELAY)):
             if name.endswith(kind):
                 partner = name.removesuffix(kind) + other
                 return NOTHING if partner in self.scan.settled else self.scan.columns.get(partner, NOTHING)
@@ -124,10 +145,13 @@ class Naming:
     def _lasting_beside(self, name: str) -> float:
         """Return what a constant error gains with any one size free, and its partner where that gains beside it.
 
-        At constant speed a delay and an arm are one: neither gains beside the other, and both stand.
+        At constant speed a delay and an arm are one: neither gains beside the other, and both stand. A clock rate that
+        gains nothing beside a constant delay is none.
         """
-        free, partner = self.scan.columns[name], self.beside(name)
+        free, partner = self.freed(name), self.beside(name)
         alone = self._lasting(free, NOTHING)
+        if name.endswith(CLOCK) and self._lasting(free[:1], free[1:]) <= GROWS:
+            return 0.0
         if not len(partner) or self._lasting(partner, free) <= _limit(len(partner)):
             return alone
         return min(alone, self._lasting(free, partner))

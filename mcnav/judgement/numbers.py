@@ -10,6 +10,7 @@ import numpy as np
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.assessment import SHARE, Assessment
 from mcnav.judgement.findings import CauseVerdict, Changes, Finding, OffsetVerdict
+from mcnav.judgement.naming import DELAY
 from mcnav.judgement.scan import Scan
 from mcnav.judgement.whitened_records import FACTORS
 
@@ -71,7 +72,7 @@ def with_intervals(
         for number in [named.get(cause.name)]
     )
     constants = tuple(
-        number if isinstance(number, OffsetVerdict) else _estimated(scan, offset)
+        number if isinstance(number, OffsetVerdict) else _estimated(scan, offset, changes)
         for offset in offsets
         for number in [named.get(offset.name)]
     )
@@ -87,12 +88,13 @@ def _with_doubt(finding: Finding) -> CauseVerdict | OffsetVerdict:
     return replace(number, factor=factor)
 
 
-def _estimated(scan: Scan, offset: OffsetVerdict) -> OffsetVerdict:
-    """Estimate a constant error alone, beside those that are named."""
+def _estimated(scan: Scan, offset: OffsetVerdict, changes: Changes) -> OffsetVerdict:
+    """Estimate a constant error alone, beside those that are named; of a clock, the delay at the start is moved."""
+    moved_by = changes.delays.get(offset.name.removesuffix(DELAY), (0.0, 0.0))[0]
     free = scan.columns[offset.name]
     together = scan.with_settled(free)
     estimates, covariance = scan.base.estimates(together)[0], scan.base.covariances(together)[0]
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return replace(
-        offset, estimate=tuple(estimates[: len(free)].tolist()), sigma=tuple(sigmas[: len(free)].tolist())
+        offset, estimate=tuple((moved_by + estimates[: len(free)]).tolist()), sigma=tuple(sigmas[: len(free)].tolist())
     )  # fmt: skip

@@ -87,7 +87,7 @@ class Scan:
 
     def with_settled(self, free: IndexArray) -> IndexArray:
         """Return some errors, and those that are free in everything."""
-        return np.concatenate([free, self.always])
+        return np.concatenate([free, np.setdiff1d(self.always, free)])
 
     def highest(self, free: IndexArray) -> float:
         """Return the log-likelihood with the campaign's sizes and some errors free."""

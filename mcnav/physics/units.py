@@ -382,10 +382,14 @@ def parted(text: str) -> tuple[float, str]:
 
     >>> parted("0.2 deg/h"), parted("5")
     ((0.2, 'deg/h'), (5.0, ''))
+    >>> parted("1..5 km")
+    Traceback (most recent call last):
+    ...
+    mcnav.physics.units.UnitError: got '1..5 km', a range; expected a quantity
     """
     match = _QUANTITY.fullmatch(text)
-    if match is None:
-        raise UnitError(f"got {_quoted(text)}; expected a quantity")
+    if match is None or ".." in text:
+        raise UnitError(f"got {_quoted(text)}{', a range' if '..' in text else ''}; expected a quantity")
     return float(match[1]), match[2].strip()
 
 

@@ -73,7 +73,7 @@ def _judged(campaign: Campaign, files: RecordingFiles, simulated: int, seed: int
     _refuse_faults(campaign, files, recording)
     mean, covariance = np.asarray(campaign.errors.mean), campaign.errors.covariance
 
-    def filtered(delays: Mapping[str, float]) -> FilteredRecord:
+    def filtered(delays: Mapping[str, tuple[float, float]]) -> FilteredRecord:
         record = scenario.filter_recording(moved_back(recording, delays), mean, covariance)
         return in_campaign_units(record, campaign)
 

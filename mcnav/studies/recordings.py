@@ -153,12 +153,12 @@ def _recorded_track(track: Track, zero: float) -> RecordedTrack:
     )  # fmt: skip
 
 
-def moved_back(recording: Recording, delays: Mapping[str, float]) -> Recording:
-    """Return a recording with the stamps of sensors moved back by delays, s."""
-    measurements = {
-        name: replace(measured, times=measured.times - delays.get(name, 0.0))
-        for name, measured in recording.measurements.items()
-    }
+def moved_back(recording: Recording, delays: Mapping[str, tuple[float, float]]) -> Recording:
+    """Return a recording with the stamps of sensors moved back by delays: s at the start, and s per s."""
+    measurements = {}
+    for name, measured in recording.measurements.items():
+        start, rate = delays.get(name, (0.0, 0.0))
+        measurements[name] = replace(measured, times=measured.times - start - rate * measured.times)
     return replace(recording, measurements=measurements)
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from mcnav.analysis.box import Box, Setting
 from mcnav.analysis.examination import Linearity, combine
 from mcnav.analysis.linear_answer import LinearAnswer
-from mcnav.analysis.tuning import Candidate, TunedBelief, Tuning, bounding_model
+from mcnav.analysis.tuning import ROUNDING, Candidate, TunedBelief, Tuning, bounding_model
 from mcnav.config.data_sheet import DataSheetNumber, round_up
 from mcnav.config.documents import Description, document_of
 from mcnav.config.overrides import Value, override, parse_document
@@ -52,9 +52,6 @@ PAGE: Final = "tune.html"
 Measure = Literal["requirement", "sigma"]
 
 BELIEFS: Final = "filter.believes"
-
-ROUNDING: Final = 1e-9
-"""Ratio above one that is rounding."""
 
 SHARES: Final = (1.0, 0.75, 0.5)
 """Places of believed correlation times in their ranges."""
@@ -87,6 +84,8 @@ def tune(
 
     Parameters
     ----------
+    campaign : str, Path, Campaign or mapping
+        With ranges.
     measure : str, optional
         What is to cost little: the worst value of the tightest requirement over its limit, or the mean filter sigma at
         the end; by default the requirement, where there is one.
@@ -94,6 +93,10 @@ def tune(
         Whether samples are simulated at the setting at which the filter is closest to being optimistic.
     samples : int, optional
         By default those of the campaign.
+    jobs : int
+        Processes that simulate them.
+    progress : Progress
+        Where it is told how far the study is; silent by default.
     examine : bool, optional
         Whether flights examine linear analysis with what is chosen; by default where that is quick.
 
@@ -101,6 +104,16 @@ def tune(
     ------
     CampaignError
         When the campaign has no ranges, or no filter whose beliefs it states.
+
+    Examples
+    --------
+    >>> import mcnav as mc
+    >>> mc.tune("campaigns/40_range_with_a_drift.toml", confirm=False).believes  # doctest: +SKIP
+    {'processes': {'drift': {'sigma': '2.02 m', 'correlation_time': '200.0 s'}}}
+    >>> mc.tune({"scenario": {"type": "reentry", "trajectory": 1}, "errors": {"altitude": "1..5 km"}})
+    Traceback (most recent call last):
+    ...
+    mcnav.errors.CampaignError: campaign: filter: this campaign has no filter to tune
     """
     progress.phase(Phase.PREPARING, note="linear answers of filters")
     began = perf_counter()
@@ -276,7 +289,8 @@ class _Study:
             key = f"{beliefs}{setting}"
             if key not in self._known:
                 answer = answer_linearly(self._derivatives.along(boxed.at(setting)))
-                self._known[key] = _largest_ratio(answer), self._cost(answer)
+                assert answer.filter is not None
+                self._known[key] = answer.filter.largest[0], self._cost(answer)
             ratios.append(self._known[key][0])
             costs.append(self._known[key][1])
         return Candidate(name, tuple(beliefs), max(ratios), max(costs))
@@ -304,13 +318,6 @@ def write_tuning(tuning: Tuning, path: Path) -> list[Path]:
     """Write a tuning as ``tune.json`` and a page."""
     files = {FILE: indented_json(to_json(tables.table(tuning))) + "\n", PAGE: page_html(tables.page(tuning))}
     return write_texts(path, files)
-
-
-def _largest_ratio(answer: LinearAnswer) -> float:
-    """Return the largest ratio of true to computed sigma of any output and group at any reading."""
-    verdict = answer.filter
-    assert verdict is not None
-    return float(np.nanmax(np.column_stack([verdict.ratios, *verdict.groups.values()])))
 
 
 def _stated(answer: LinearAnswer) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from tests.benchmarks import growth, kernel, machine, slopes, stages
+from tests.benchmarks import growth, kernel, machine, slopes, stages, waits
 from tests.benchmarks.build import COMPARED, case_of, disagreement
 from tests.benchmarks.case import TIME, Case
 from tests.benchmarks.compare import measure_all
@@ -22,7 +22,7 @@ from tests.benchmarks.readme import records
 from tests.benchmarks.tables import markdown
 
 FORMAT = 1
-CHAPTERS = ("whole-runs", "reentry", "inertial")
+CHAPTERS = ("waits", "whole-runs", "reentry", "inertial")
 REFERENCE = "the reference engine (scipy's DOP853 at 1e-12, polar equations)"
 PACKAGES = ("joblib", "numba", "jax", *(entry.package for entry in PEERS.values()))
 
@@ -86,6 +86,7 @@ def main() -> None:
 
     asked.out.mkdir(parents=True, exist_ok=True)
     for name, measure, file in (
+        ("waits", lambda _, told: waits.measure(told), "waits"),
         ("whole-runs", lambda _, told: slopes.measure(told), "whole_runs"),
         ("reentry", _reentry, "benchmarks"),
         ("inertial", _inertial, "inertial"),

@@ -61,13 +61,11 @@ def renewed(text: str, record: Mapping[str, Any], inertial: Mapping[str, Any] | 
     return f"{before}{BEGIN}\n{excerpt(record, inertial)}\n\n{END}{after}"
 
 
-def records(folder: Path) -> tuple[dict[str, Any], dict[str, Any] | None, dict[str, Any] | None]:
-    """Read the records of the chapters; none of the second and the third where it has not been measured."""
-    first, *further = (folder / f"{name}.json" for name in ("benchmarks", "inertial", "whole_runs"))
-    inertial, whole_runs = (
-        dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else None for path in further
-    )
-    return dict(json.loads(first.read_text(encoding="utf-8"))), inertial, whole_runs
+def records(folder: Path) -> tuple[dict[str, Any], *tuple[dict[str, Any] | None, ...]]:
+    """Read the records of the chapters, in the order of `markdown`; none of one that has not been measured."""
+    first, *further = (folder / f"{name}.json" for name in ("benchmarks", "inertial", "whole_runs", "waits"))
+    known = [dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else None for path in further]
+    return (dict(json.loads(first.read_text(encoding="utf-8"))), *known)
 
 
 if __name__ == "__main__":

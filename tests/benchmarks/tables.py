@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from tests.benchmarks import machine, slopes
+from tests.benchmarks import machine, slopes, waits
 from tests.benchmarks.compare import TARGETS
 from tests.benchmarks.inertial.tables import chapter
 from tests.benchmarks.kernel import sentence
@@ -14,13 +14,13 @@ from tests.benchmarks.markdown import number, table
 METHOD: Final = """\
     make bench                      # all chapters with all peers and whole runs: a quarter of an hour, idle machine
     make bench BENCH="1 7 --full"   # other trajectories, and 10^8 samples; python -m tests.benchmarks --help
-    make bench BENCH="--only inertial"    # one chapter: whole-runs, reentry, or inertial
+    make bench BENCH="--only inertial"    # one chapter: waits, whole-runs, reentry, or inertial
     .venv/bin/python -m tests.benchmarks.kernel    # the ensemble's kernel alone, all seven trajectories
     .venv/bin/python -m tests.benchmarks.readme    # this page and the lines of the README again, from the record
 
-`make bench` writes this page, `work_precision.svg` and the records `benchmarks.json`, `inertial.json` and
-`whole_runs.json`, which have every number in full. Each chapter says on what, when and under what load it was measured;
-figures of different chapters are not compared, as they are of different days and machines.
+`make bench` writes this page, `work_precision.svg` and the records `benchmarks.json`, `inertial.json`,
+`whole_runs.json` and `waits.json`, which have every number in full. Each chapter says on what, when and under what load
+it was measured; figures of different chapters are not compared, as they are of different days and machines.
 
 All peers integrate the same equations along the same truth for the same samples of the TN's errors, in stretches
 between the kinks of the truth and in canonical units, which suit their step controls better than SI. The accuracy of
@@ -45,14 +45,16 @@ def markdown(
     record: Mapping[str, Any],
     inertial: Mapping[str, Any] | None = None,
     whole_runs: Mapping[str, Any] | None = None,
+    commands: Mapping[str, Any] | None = None,
 ) -> str:
-    """Make the page of the records of the chapters: reentries, and where they are, three dimensions and whole runs."""
-    known = [each["machine"]["packages"] for each in (record, inertial, whole_runs) if each]
-    packages = {name: version for each in known for name, version in each.items()}
+    """Make the page of the records of the chapters: reentries, and those of the others that have been measured."""
+    known = [chapter["machine"]["packages"] for chapter in (record, inertial, whole_runs, commands) if chapter]
+    packages = {name: version for versions in known for name, version in versions.items()}
     parts = [
         "# Benchmarks",
         "Times and memory of mcnav and its peers, at the same measured accuracy.",
         METHOD,
+        *(waits.chapter(commands) if commands else ()),
         *(slopes.chapter(whole_runs) if whole_runs else ()),
         "## Reentries, with peers",
         machine.sentence(record["machine"]),

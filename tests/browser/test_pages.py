@@ -22,8 +22,8 @@ FIGURES = {
     "calibration": 19, "story": 12, "textbook": 0, "tn": 16, "ukfm": 1, "trajectory": 1,
 }  # fmt: skip
 SAID = {
-    "comparison": FOLDER, "story": "The Story of 84 Minutes", "calibration": "Calibration",
-    "index": "Runs", "textbook": "Published numbers", "ukfm": "The benchmark of ukfm",
+    "bent": "From polar to cartesian coordinates", "comparison": FOLDER, "story": "The Story of 84 Minutes",
+    "calibration": "Calibration", "index": "Runs", "textbook": "Published numbers", "ukfm": "The benchmark of ukfm",
 }  # fmt: skip
 """What the heading of a page says where it is not the campaign's name."""
 

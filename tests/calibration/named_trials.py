@@ -19,6 +19,7 @@ import csv
 import sys
 import time
 import tomllib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
@@ -35,6 +36,7 @@ from mcnav.contract.scenario import can_be_recorded
 from mcnav.execution.threads import one_thread
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
 from mcnav.judgement.findings import CauseVerdict, Changes, Finding, OffsetVerdict, find_first
+from mcnav.judgement.naming import CLOCK
 from mcnav.judgement.numbers import list_numbers, with_intervals
 from mcnav.judgement.plain_files import find_fault
 from mcnav.judgement.reduction import present, with_causes
@@ -101,7 +103,7 @@ def own_campaign() -> Campaign:
 
 
 def filtered(
-    recording: Recording, delays: Mapping[str, float] | None = None, campaign: Campaign | None = None
+    recording: Recording, delays: Mapping[str, tuple[float, float]] | None = None, campaign: Campaign | None = None
 ) -> FilteredRecord:
     """Take a campaign's filter through a recording, the stamps of its sensors moved back by delays."""
     campaign = campaign or own_campaign()
@@ -144,7 +146,11 @@ def _paste(content: dict[str, Any], key: str, value: Any) -> None:
 
 
 def afterwards(recording: Recording, finding: Finding) -> float:
-    """Return the probability of a record as unusual as this one in the campaign with a finding pasted."""
+    """Return the probability of a record as unusual with a finding pasted, or a clock corrected."""
+    if finding.number.name.endswith(CLOCK):
+        assert isinstance(finding.number, OffsetVerdict)
+        fast = finding.number.estimate[0]
+        recording = moved_back(recording, {finding.number.name.removesuffix(CLOCK): (0.0, fast / (1.0 + fast))})
     record = filtered(recording, campaign=pasted(finding))
     of_campaign = with_causes(record, present(record))
     result = assess(of_campaign, recorded(of_campaign), AFTERWARDS, 1, 0)
@@ -228,7 +234,10 @@ def holds(number: CauseVerdict | OffsetVerdict, flown: Flown) -> bool:
         factor = number.factor
         assert factor is not None
         return bool(factor.low * number.size <= true <= factor.high * number.size)
-    true_errors = {"gnss_delay": [flown.late - flown.imu_late], "gnss_lever_arm": [-part for part in flown.arm]}
+    true_errors = {
+        "gnss_delay": [flown.late - flown.imu_late], "gnss_clock_rate": [flown.clock - flown.imu_clock],
+        "gnss_lever_arm": [-part for part in flown.arm],
+    }  # fmt: skip
     wanted = np.array(true_errors.get(number.name, np.zeros(len(number.estimate))))
     apart = np.abs(np.array(number.estimate) - wanted) / np.array(number.sigma)
     return bool(np.all(apart <= TOGETHER[len(apart)]))
@@ -237,18 +246,21 @@ def holds(number: CauseVerdict | OffsetVerdict, flown: Flown) -> bool:
 def measure(path: Path, records: int, seconds: float = np.inf, words: str = "") -> list[Row]:
     """Judge so many records of each sort, those that a file does not have, and return all."""
     rows = read_rows(path)
-    done, began = {(row.wrong, row.seed) for row in rows}, time.monotonic()
+    done, began = Counter(row.wrong for row in rows), time.monotonic()
+    seeds = {(row.wrong, row.seed) for row in rows}
     with path.open("a", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(Row)])
         if not rows:
             writer.writeheader()
         for wrong, seed in _wanted(records):
-            if (wrong, seed) in done or words not in wrong:
+            enough = done[wrong] >= (records * CLEAN if wrong == NOTHING else records)
+            if enough or (wrong, seed) in seeds or words not in wrong:
                 continue
             if time.monotonic() - began > seconds:
                 break
             with one_thread():
                 rows.append(trial(wrong, seed))
+            done[wrong] += 1
             writer.writerow(asdict(rows[-1]))
             file.flush()
     return rows

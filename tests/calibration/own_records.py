@@ -71,6 +71,8 @@ class Flown:
         Of the receiver's stamps, s.
     imu_late : float
         Of the stamps of the readings, s.
+    clock, imu_clock : float
+        By how much the clocks of the receiver and of the readings run fast, s per s.
     arm : tuple of float
         From the unit to the antenna, m.
     correlated, correlation_time : float
@@ -84,6 +86,8 @@ class Flown:
     late: float = 0.0
     jitter: float = 0.0
     imu_late: float = 0.0
+    clock: float = 0.0
+    imu_clock: float = 0.0
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     correlated: float = 0.0
     correlation_time: float = 30.0
@@ -271,9 +275,10 @@ def fly(seed: int, flown: Flown | None = None, track: Motion | None = None) -> F
     position = _moved(position, error)
     velocity = velocity + flown.velocity * rng.standard_normal((len(stamps), 3))
     ends = READING * np.arange(1.0, count + 1.0) + flown.imu_late
-    imu = {"time": ends} | {f"gyro_{axis}": gyro[:, n] for n, axis in enumerate("xyz")}
+    imu = {"time": ends * (1.0 + flown.imu_clock)} | {f"gyro_{axis}": gyro[:, n] for n, axis in enumerate("xyz")}
     imu |= {f"accelerometer_{axis}": force[:, n] for n, axis in enumerate("xyz")}
-    gnss = {"time": stamps} | dict(zip(("latitude", "longitude", "altitude"), position.T, strict=True))
+    gnss = {"time": stamps * (1.0 + flown.clock)}
+    gnss |= dict(zip(("latitude", "longitude", "altitude"), position.T, strict=True))
     gnss |= dict(zip(("velocity_north", "velocity_east", "velocity_down"), velocity.T, strict=True))
     first = _moved(track.position[:1], 3.0 * rng.standard_normal((1, 3)))[0]
     speed = track.velocity[0] + 0.1 * rng.standard_normal(3)
@@ -354,6 +359,9 @@ WRONG: Final[Mapping[str, tuple[Flown, str]]] = {
     "0.05 s late": (Flown(late=0.05), "gnss_delay"),
     "0.08 s early": (Flown(late=-0.08), "gnss_delay"),
     "readings 0.06 s late": (Flown(imu_late=0.06), "gnss_delay"),
+    "receiver's clock 200 ppm fast": (Flown(clock=2e-4), "gnss_clock_rate"),
+    "receiver's clock 1 % slow": (Flown(clock=-0.01), "gnss_clock_rate"),
+    "readings' clock 200 ppm fast": (Flown(imu_clock=2e-4), "gnss_clock_rate"),
     "jitter of 60 ms": (Flown(jitter=0.06), "gnss_jitter"),
     "an arm of 1 m": (Flown(arm=(0.8, -0.36, -0.48)), "gnss_lever_arm"),
     "bias instability of 30 deg/h": (Flown(instability=float(np.radians(30.0) / 3600.0)), "gyro_bias_instability"),

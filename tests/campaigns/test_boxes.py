@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import tomli_w
 
+from mcnav import lincov, tune
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.remedies import DOUBTED
@@ -36,7 +37,6 @@ from mcnav.studies.lincov import write_lincov
 from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.live import LiveCampaign
 from mcnav.studies.sweep import SweepPlan, run_sweep
-from mcnav.studies.tune import tune
 from tests.commands import invoke
 
 AIDED = tomllib.loads("""
@@ -171,7 +171,13 @@ def test_an_axis_of_a_list_is_a_size() -> None:
     """Ranges of single axes, one of them of a process: exact with the two systems of the examination besides."""
     bias, walk = ["0.1..2 deg/h", "1 deg/h", "1 deg/h"], ["0.1 deg/sqrt(h)", "0.05..0.2 deg/sqrt(h)", "0.1 deg/sqrt(h)"]
     campaign = campaign_with({"imu.gyro.bias": bias, "imu.gyro.angle_random_walk": walk})
+    outputs = lincov(
+        override(AIDED, {"imu.gyro.bias": bias, "imu.gyro.angle_random_walk": walk}), examine=False
+    ).outputs
     worst, best, box = extremes(campaign)
+    scales = np.where(outputs["unit"] == "mrad", 1e3, 1.0)
+    assert outputs["sigma_worst"].to_numpy(float) == pytest.approx(worst[: len(outputs)] * scales, rel=1e-12)
+    assert outputs["sigma_best"].to_numpy(float) == pytest.approx(best[: len(outputs)] * scales, rel=1e-12)
     assert (box.exact, box.systems) == (True, 3)
     rows = brute(campaign, dict.fromkeys(box.ranges, (0.0, 1.0)))
     assert worst[:-1] == pytest.approx(rows.max(axis=0)[:-1], rel=1e-6)
@@ -345,6 +351,10 @@ def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model()
     assert (tuning.chosen.ratio <= 1.0 + 1e-9, tuning.linearity) == (True, "holds")
     bounding = next(candidate for candidate in tuning.candidates if candidate.name == "bounding model")
     assert tuning.chosen.cost < bounding.cost
+    assert tuning.closest.startswith("time ")
+    assert tuning.box is not None
+    assert tuning.box.filter is not None
+    assert tuning.box.filter.optimistic.largest[0] == tuning.chosen.ratio
     said = (("", "agrees"), ("undecided", "agrees"), ("pessimistic", "agrees"), ("optimistic", "differs"))
     for confirmed, tone in said:
         assert verdict(replace(tuning, confirmed=confirmed, samples=500)).tone == tone

@@ -153,6 +153,20 @@ def test_what_is_to_be_pasted_is_one_document_with_each_table_once() -> None:
     assert pasted["aiding"][0]["lever_arm"] == ["80 cm", "0 cm", "-10 cm"]
     assert "taken 50.0 ± 3.9 ms before their stamps" in offset_words(delay)
     assert "true are x 80.0 ± 20, " in offset_words(arm)
+    scales = OffsetVerdict(
+        "gyro_scale_factor", "[imu.gyro] scale_factor", tuple("xyz"), "1", "ppm", (3e-4, 5.0, -4e-4), (1e-5, 0.9, 1e-5),
+        None, 9.0, (),
+    )  # fmt: skip
+    assert scales.seen == (True, False, True)
+    assert offset_words(scales).endswith("does not have: x 300 ± 20, z −400 ± 20 ppm")
+    alone: Any = SimpleNamespace(findings=[Finding(scales, (), 0.5)], explained=True)
+    assert tomllib.loads(to_paste(alone))["imu"]["gyro"]["scale_factor"] == "353.6 ppm"
+    clock = OffsetVerdict("gnss_clock_rate", "", ("",), "1", "ppm", (-2e-4,), (5e-5,), None, 9.0, ())
+    assert offset_words(clock) == (
+        "the gnss clock runs 200 ± 98 ppm slow against the readings: multiply the times between its stamps by 1.000200"
+    )
+    found.findings.append(Finding(clock, (), 0.5))
+    assert to_paste(found) == ""  # the stamps have to be corrected first
 
 
 def test_what_comes_nearest_is_no_verdict_where_it_does_not_explain_the_record() -> None:

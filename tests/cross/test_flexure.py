@@ -203,3 +203,15 @@ def test_a_flexure_that_cannot_be(flexure: object, believed: object, message: st
         sensor["flexure"] = flexure
     with pytest.raises(CampaignError, match=re.escape(message)):
         parse_campaign(content, "mine.toml", "mine")
+
+
+@pytest.mark.parametrize("late", [{"delay": "20 ms"}, {"jitter": "5 ms"}, {"distribution": "fixed", "value": "50 ms"}])
+def test_a_structure_that_bends_holds_no_late_sensor(late: dict[str, str]) -> None:
+    """By its own keys, or by an error of the campaign; samples had the flexure of the time stamp."""
+    content = deepcopy(CAMPAIGN)
+    if "value" in late:
+        content["errors"]["master_delay"] = late
+    else:
+        content["aiding"][0] |= late
+    with pytest.raises(CampaignError, match=r"aiding #1\.flexure: master is late as well, and how the structure bent"):
+        parse_campaign(content, "mine.toml", "mine")

@@ -16,7 +16,7 @@ import pytest
 from mcnav.systems.reentry.ensemble.grid import shared_grid
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.navigator import joint_rates as rates_of_mcnav
-from tests.benchmarks import growth, install, machine, readme, stages
+from tests.benchmarks import growth, install, machine, readme, stages, waits
 from tests.benchmarks.build import case_of, disagreement, scenario_of
 from tests.benchmarks.case import ERROR_UNITS, LENGTH, SPEED, TIME, Case, load
 from tests.benchmarks.compare import cheapest, measure, reason
@@ -169,6 +169,17 @@ def test_whole_runs_are_shown_beside_their_engines() -> None:
     page = markdown(record(), None, known)
     assert "| 11_cruise | 20,000 to 500,000 | 9 | 4 | 2.25 × | 7.6 |" in page
     assert page.count("Measured on ") == 2  # each chapter says on what and when
+
+
+def test_what_users_wait_for_is_in_imports(tmp_path: Path) -> None:
+    """A command whose files another makes is measured for its status, and shown beside what is wanted."""
+    (wait,) = waits.measure(lambda _: None, [waits.Wait("`show`", 1.5, ("docs", "imu"), (("docs",),))])["waits"]
+    assert wait["processor_seconds"] > 0.0
+    with pytest.raises(RuntimeError, match=r"mcnav check nothing\.toml ended with status 2"):
+        waits.measure(lambda _: None, [waits.Wait("", 1.0, ("check", "nothing.toml"))])
+    known = {"machine": machine.described(["numba"]) | {"date": "2026-11-28"}, "waits": [wait]}
+    shown = f"| {wait['processor_seconds'] / wait['imports_seconds']:.1f} | 1.5 |"
+    assert shown in markdown(record(), None, None, known)
 
 
 def test_the_figure_shows_every_peer() -> None:

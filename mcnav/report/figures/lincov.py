@@ -17,7 +17,7 @@ from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.marks import Axis, Cells, Line, Mark, Panel, Points, Rule, Series, Span, axis
 from mcnav.report.drawing.palette import FILTER, INK, LINEAR
 from mcnav.report.figures.budgets import ALL, development_figure, shares_figure
-from mcnav.report.figures.matrices import DEEPEST, NEGATIVE, NIL, POSITIVE
+from mcnav.report.figures.matrices import DEEPEST, NEGATIVE, NIL, POSITIVE, signs_of
 from mcnav.report.figures.outages import OPACITY, SHADED, shading_key
 from mcnav.report.figures.sources import Contributor, groups, ranked
 from mcnav.report.figures.truth import SigmasOverTime, over_time
@@ -225,12 +225,13 @@ def correlations(answer: LinearAnswer) -> Figure:
     texts = [["0" if abs(value) < NIL else fixed(value, 2) for value in row] for row in values]
     rows, across = np.transpose(list(product(range(len(names)), repeat=2)))
     square = Axis(names=names)
+    panels = [Panel("Correlation", square, square, [Cells(POSITIVE, NEGATIVE, values, texts, DEEPEST)])]
     return Figure(
         name="correlations",
         title=f"Correlations of the {end_words(answer.outputs).many}",
         description="Correlation matrix of the outputs by linear analysis, as numbers on coloured squares.",
-        panels=[Panel("Correlation", square, square, [Cells(POSITIVE, NEGATIVE, values, texts, DEEPEST)])],
-        key=(POSITIVE, NEGATIVE),
+        panels=panels,
+        key=signs_of(panels),
         columns={
             "row": [names[i] for i in rows],
             "column": [names[j] for j in across],

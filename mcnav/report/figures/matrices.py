@@ -37,6 +37,9 @@ NIL: Final = 5e-4
 DEEPEST: Final = 0.5
 """Opacity of a cell of one: ink must read on it, on light paper and on dark."""
 
+SEEN: Final = 1e-3
+"""Share of a cell's deepest colour that is seen."""
+
 POSITIVE: Final = Series("positive", "positive", FLOWN, "area")
 NEGATIVE: Final = Series("negative", "negative", LINEAR, "area")
 
@@ -49,6 +52,7 @@ def matrices(content: RunAnalysis) -> Figure:
     levels = (content.comparison.confidence_each, content.criterion.confidence)
     each, together = (f"{100.0 * level:.4g} %" for level in levels)
     drawn = _drawn(content.comparison)
+    panels = _panels(content, drawn)
     count, few = len(drawn), len(drawn) <= FEW
     left_out = f" Of {len(content.output_names)} outputs it has the {count} whose correlations differ most."
     return Figure(
@@ -56,8 +60,8 @@ def matrices(content: RunAnalysis) -> Figure:
         title=f"Covariances and correlations of the {content.ends.many}",
         description="Covariance and correlation matrices of the outputs: linear, paired Monte Carlo estimate, and "
         "difference, as numbers on coloured squares.",
-        panels=_panels(content, drawn),
-        key=(POSITIVE, NEGATIVE),
+        panels=panels,
+        key=signs_of(panels),
         columns=_columns(content),
         size=THIRD if few else (HALF[0], 60.0 + (36.0 if count <= NUMBERED else 16.0) * count),
         caption=("Colours of covariances are in units of the linear sigmas. " if few else "")
@@ -67,6 +71,16 @@ def matrices(content: RunAnalysis) -> Figure:
         + ("Covariances below 0.0005 σᵢσⱼ are shown as zero." if few else "The table has the covariances.")
         + (left_out if count < len(content.output_names) else ""),
     )
+
+
+def signs_of(panels: Sequence[Panel]) -> tuple[Series, ...]:
+    """Return the key of panels of cells: the signs that one of them shows."""
+    shares = [mark.shares for panel in panels for mark in panel.marks if isinstance(mark, Cells)]
+    shown = {
+        POSITIVE: any((some >= SEEN).any() for some in shares),
+        NEGATIVE: any((some <= -SEEN).any() for some in shares),
+    }
+    return tuple(sign for sign, seen in shown.items() if seen)
 
 
 def _drawn(comparison: Comparison) -> IndexArray:

@@ -9,7 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.judgement.assessment import LEVEL
-from mcnav.judgement.findings import DELAY, CauseVerdict, Finding, OffsetVerdict
+from mcnav.judgement.findings import CauseVerdict, Finding, OffsetVerdict
+from mcnav.judgement.naming import CLOCK, DELAY
 from mcnav.judgement.profile import Factor
 from mcnav.judgement.verdict import Judgement, NeesVerdict, SensorVerdict, Statistic
 from mcnav.judgement.whitened_records import FACTORS
@@ -103,8 +104,12 @@ def offset_words(number_: OffsetVerdict) -> str:
     scale = 1.0 if number_.shown_in == "1" else conversion(number_.unit, number_.shown_in)
     if number_.name.endswith(DELAY):
         return _delay_words(number_, scale)
+    if number_.name.endswith(CLOCK):
+        return _clock_words(number_, scale)
     parts = []
     for place, axis in enumerate(number_.axes):
+        if not number_.seen[place]:
+            continue
         value, error = signed_estimate(number_, place), 1.959964 * number_.sigma[place]
         parts.append(f"{axis} {number(value * scale, 3)} ± {number(error * scale, 2)}".strip())
     unit = "" if number_.shown_in == "1" else f" {number_.shown_in}"
@@ -124,6 +129,17 @@ def _delay_words(number_: OffsetVerdict, scale: float) -> str:
     if value >= 0.0:
         return f"the {sensor} measurements are late: they were taken {size} before their stamps"
     return f"the {sensor} measurements are early, or the readings late: they were taken {size} after their stamps"
+
+
+def _clock_words(number_: OffsetVerdict, scale: float) -> str:
+    """Say how fast the clock of a sensor runs, and how its stamps are corrected."""
+    rate, error = number_.estimate[0], 1.959964 * number_.sigma[0]
+    sensor, side = humanize(number_.name.removesuffix(CLOCK)), "fast" if rate > 0.0 else "slow"
+    size = f"{number(abs(rate) * scale, 3)} ± {number(error * scale, 2)} {number_.shown_in}"
+    return (
+        f"the {sensor} clock runs {size} {side} against the readings: multiply the times between its stamps by "
+        f"{1.0 / (1.0 + rate):.6f}"
+    )
 
 
 def signed_estimate(number_: OffsetVerdict, place: int) -> float:
@@ -316,13 +332,15 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
         return "–" if not np.isfinite(value) else in_unit(value, each.unit, each.shown_in, digits)
 
     def estimated(row: tuple[OffsetVerdict, int]) -> str:
+        if not row[0].seen[row[1]]:
+            return "not seen in this record"
         return shown(row, [signed_estimate(row[0], place) for place in range(len(row[0].axes))], 3)
 
     columns: list[Column[tuple[OffsetVerdict, int]]] = [
         Column("Error", lambda row: f"{humanize(row[0].name)} {row[0].axes[row[1]]}".strip(), "error", "label"),
         Column("by this record", estimated),
-        Column("sigma", lambda row: shown(row, row[0].sigma, 2)),
-        Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2)),
+        Column("sigma", lambda row: shown(row, row[0].sigma, 2) if row[0].seen[row[1]] else "–"),
+        Column("found in 9 of 10 from", lambda row: shown(row, row[0].noticed, 2) if row[0].seen[row[1]] else "–"),
     ]
     caption = (
         "Constant errors that the campaign does not have, each alone, with what is named changed. Of a lever arm, the "
@@ -334,9 +352,9 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
 def to_paste(judgement: Judgement) -> str:
     """Return the entries of the campaign that change, as TOML in which each table stands once; empty for none.
 
-    Nothing is to be changed where what is named does not explain the record.
+    Nothing is to be changed where what is named does not explain the record, or a clock has to be corrected first.
     """
-    if not judgement.explained:
+    if not judgement.explained or any(finding.number.name.endswith(CLOCK) for finding in judgement.findings):
         return ""
     tables: dict[str, list[str]] = {}
     for finding in judgement.findings:
@@ -363,7 +381,7 @@ def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:
         return f'{{ distribution = "fixed", value = {quoted(number_.estimate[0])} }}'
     if number_.used is not None:
         return f"[{', '.join(quoted(signed_estimate(number_, place)) for place in range(len(number_.axes)))}]"
-    size = float(np.sqrt(np.mean(np.square(number_.estimate))))
+    size = float(np.sqrt(np.mean(np.square(np.compress(number_.seen, number_.estimate)))))
     return f"{quoted(size)}  # a sigma, from the size that this record shows"
 
 

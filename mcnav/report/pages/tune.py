@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Final
@@ -9,7 +10,7 @@ from typing import Final
 import tomli_w
 
 from mcnav.analysis.remedies import DOUBTED
-from mcnav.analysis.tuning import Candidate, TunedBelief, Tuning
+from mcnav.analysis.tuning import ROUNDING, Candidate, TunedBelief, Tuning
 from mcnav.report.document.parts import Page, Part, Sentence, Verdict
 from mcnav.report.document.table import Column, Table
 from mcnav.report.format import rounded
@@ -22,18 +23,21 @@ DOUBT: Final = {
 SHORT: Final = {"does not hold": "does not hold", "cannot say": "is not shown to hold"}
 """What flights say of linear analysis, as a sentence and as a clause."""
 
+LEAST_SHOWN: Final = 1e-4
+"""Smallest excess of a ratio over one that five digits show."""
+
 
 def verdict(tuning: Tuning) -> Verdict:
     """State whether a filter was found, and what it costs."""
-    ratio = rounded(tuning.before, 5)
+    ratio = _ratio(tuning.before)
     before = f"As it is, the largest true ÷ filter sigma is {ratio} over the settings that were looked at."
     if tuning.chosen is None:
         words = "No filter that was tried bounds the errors at every setting"
         return Verdict(words, "differs", [before, "Let the filter model more of the errors: [filter] estimates."])
-    largest = f"With the beliefs below it is {rounded(tuning.chosen.ratio, 5)}; " if tuning.believes else "It is "
+    largest = f"With the beliefs below it is {_ratio(tuning.chosen.ratio)}," if tuning.believes else "The filter is"
     sentences = [
         before,
-        f"{largest}closest to optimistic with {setting_words(tuning.worst)}.",
+        f"{largest} closest to optimistic at {tuning.closest} with {setting_words(tuning.worst)}.",
         f"Errors are there {rounded(tuning.known)} times those of a filter that knows this setting.",
     ]
     if tuning.box is not None and not tuning.box.exact:
@@ -53,6 +57,17 @@ def verdict(tuning: Tuning) -> Verdict:
         return Verdict(words, "undecided", sentences)
     filtered = "With these beliefs" if tuning.believes else "As it is,"
     return Verdict(f"{filtered} the filter is optimistic at no setting that was looked at", "agrees", sentences)
+
+
+def _ratio(value: float) -> str:
+    """Shorten a ratio to five digits, or to the two decimals by which it is above one.
+
+    >>> _ratio(0.992059731), _ratio(1.0000174), _ratio(1.0 + 1e-12)
+    ('0.99206', '1.000017', '1.0000')
+    """
+    above = value - 1.0
+    digits = 2 - math.floor(math.log10(above)) if ROUNDING < above < LEAST_SHOWN else 5
+    return rounded(value, digits)
 
 
 def pasted(tuning: Tuning) -> str:
@@ -75,7 +90,7 @@ def _beliefs(tuning: Tuning) -> Table[TunedBelief]:
 def _candidates(tuning: Tuning) -> Table[Candidate]:
     columns: list[Column[Candidate]] = [
         Column("Filter", lambda row: row.name, "filter", "label"),
-        Column("Largest true ÷ filter sigma", lambda row: rounded(row.ratio, 5), "largest true ÷ filter σ"),
+        Column("Largest true ÷ filter sigma", lambda row: _ratio(row.ratio), "largest true ÷ filter σ"),
         Column("Cost", lambda row: rounded(row.cost, 4), "cost"),
     ]
     caption = f"Filters that were tried. Cost: {tuning.measure}."

@@ -61,6 +61,15 @@ def test_the_floor_is_the_largest_of_its_parts() -> None:
     assert filter_floor(np.array([[5.0, 1e-9]]), np.zeros((1, 2)), ("m", "m"))[1] == pytest.approx(STORED * 5.0)
 
 
+def test_an_attitude_error_hides_no_position_and_a_position_error_hides_tilts() -> None:
+    """Half a radian over a radian of scale would be 0.6 m over the earth's radius: a filter knows 0.5 m."""
+    scales, units = np.array([6.4e6, 1.0]), ("m", "rad")
+    floors = filter_floor(np.array([[0.5, 0.5]]), np.zeros((1, 2)), units, scales=scales)
+    assert floors == pytest.approx(STORED * np.array([0.5, 0.5]))
+    floors = filter_floor(np.array([[80.0, 1e-9]]), np.zeros((1, 2)), units, scales=scales)
+    assert floors == pytest.approx(STORED * np.array([80.0, 80.0 / 6.4e6]))
+
+
 def test_what_is_judged_together_leaves_out_what_is_hardly_dispersed() -> None:
     """The second output has a fixed error of 1 and a sigma of 1e-4: a nonlinear mean there is no surprise."""
     model = Model(np.array([[1.0, 0.0], [1e-4, 1.0]]), np.zeros(2), np.array([0.0, 1.0]), np.diag([1.0, 0.0]))

@@ -22,7 +22,7 @@ from tests.unit.judgement.test_likelihood import with_innovations
 SIGMAS = 3.29
 """An estimate is farther from the truth in one record of a thousand."""
 
-NAMED = ("readings 0.06 s late", "an arm of 1 m", "a correlated error of 2 m")
+NAMED = ("receiver's clock 200 ppm fast", "an arm of 1 m", "a correlated error of 2 m")
 
 
 @pytest.mark.parametrize("name", NAMED)

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from mcnav.report.columns.requirements import requirement_rows
 from mcnav.report.document.parts import Beside, Facts, Findings, Part, Tile, Verdict, joined
-from mcnav.report.drawing.figure import Figure
+from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.format import number
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.pages.run.sections.remedies import fix
@@ -28,6 +28,9 @@ REQUIREMENTS: Final = 3
 
 WHOLE: Final = "combination"
 """Figure of which all panels show the verdict: it stands on the first screen alone."""
+
+ALONE: Final = (HALF[0], 1.7 * HALF[1])
+"""Size of its panels, px, where nothing stands below them on the screen."""
 
 DIGITS: Final = 3
 """Significant digits of its numbers."""
@@ -82,6 +85,7 @@ def first_screen(
     if figure is None:
         return FirstScreen([verdict, *beside])
     if figure.name == WHOLE:
+        figure = figure if beside else replace(figure, size=ALONE)
         return FirstScreen([verdict, figure, *beside], figure)
     return FirstScreen([verdict, Beside([figure], beside)], short=not beside)
 

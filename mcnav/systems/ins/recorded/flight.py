@@ -29,6 +29,7 @@ from mcnav.contract.recorded import (
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
 from mcnav.systems.ins.recorded.causes import Campaign, CauseTable, list_offsets, tabulate_causes
+from mcnav.systems.ins.recorded.clocks import with_clock_rates
 from mcnav.systems.ins.recorded.measurements import true_state
 from mcnav.systems.ins.recorded.readings import gauss_readings
 from mcnav.systems.ins.recorded.reference import ReferenceStates
@@ -187,10 +188,15 @@ class _Passing:
         to_states = np.eye(self.everything.size)
         to_states[:NAVIGATION, :NAVIGATION] = np.linalg.inv(self.to_outputs)
         sensors = tuple(_recorded_sensor(sensor, campaign) for sensor in flight.sensors)
-        return FilteredRecord(
+        delays = {
+            sensor.name: NAVIGATION + names.index(sensor.delay_name)
+            for sensor in flight.sensors if sensor.has_delay and sensor.delay_name in names
+        }  # fmt: skip
+        record = FilteredRecord(
             sensors, tuple(stages), self.causes.causes, list_offsets(campaign), to_states @ mean, covariance,
             self.causes.start, to_states, float(flight.stops[-1]),
         )  # fmt: skip
+        return with_clock_rates(record, delays)
 
     def _advance(self, first: int, last: int) -> Motion:
         """Navigate over steps; return F, B, D and the noise of the processes."""

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 from pydantic import Field, TypeAdapter
 
 from mcnav.contract.questions import UNMEASURED
-from mcnav.contract.scenario import Scenario
+from mcnav.contract.scenario import Scenario, ScenarioError
 from mcnav.entries.context import FileContext
 from mcnav.entries.inputs import InputFile
 from mcnav.entries.quantities import AngularRate, Duration, GravitationalParameter, Later, Length, Table
@@ -153,12 +153,28 @@ def _with_places(content: Mapping[str, Any], logs: Mapping[int, str]) -> dict[st
 
 
 def _with_filter(plan: FilterPlan, scenario: Scenario, errors: ErrorModel) -> Scenario:
-    """Return the scenario with its filter, which may believe the statistics of all errors."""
+    """Return the scenario with its filter, which may believe the statistics of all errors.
+
+    Raises
+    ------
+    ScenarioError
+        When a sensor is late at the end of a structure that bends: samples would bend at the time stamp.
+    """
     true = {
         name: math.hypot(sigma, mean)
         for name, sigma, mean in zip(errors.names, errors.standard_deviations, errors.mean, strict=True)
     }
-    return scenario.with_filter(plan.completed(errors), true) if is_ins(scenario) else scenario
+    if not is_ins(scenario):
+        return scenario
+    for number, sensor in enumerate(scenario.navigation.sensors):
+        if sensor.flexure is not None and (sensor.jitter > 0.0 or true.get(sensor.delay_name, 0.0) > 0.0):
+            late = f"delay, jitter and {sensor.delay_name} in [errors]"
+            raise ScenarioError(
+                f"aiding #{number + 1}.flexure",
+                f"{sensor.name} is late as well, and how the structure bent before a time stamp is not modelled; "
+                f"leave out flexure, or {late}",
+            )
+    return scenario.with_filter(plan.completed(errors), true)
 
 
 def _read_aiding(navigation: Navigation, origin: float, context: FileContext) -> tuple[Aiding, FilterPlan | None]:
