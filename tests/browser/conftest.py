@@ -370,8 +370,9 @@ def _bent(folder: Path, _: Callable[[str], Path]) -> Path:
 
 
 def _allocate(folder: Path, _: Callable[[str], Path]) -> Path:
+    """Of the changes one is simulated."""
     described = read_campaign(ROOT / "campaigns" / "23_lunar_return_updated_once.toml")
-    return write_allocation({**described.resolved, "name": NAME}, folder)[1][-1]
+    return write_allocation({**described.resolved, "name": NAME}, folder, confirm=1)[1][-1]
 
 
 def _sweep(folder: Path, _: Callable[[str], Path]) -> Path:
