@@ -13,7 +13,7 @@ from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError, Problem
 from mcnav.execution.progress import note
 from mcnav.execution.threads import one_thread
-from mcnav.report.statements.box import setting_words
+from mcnav.report.statements.box import setting_words, simulated_at
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
 from mcnav.studies.linear_answers import answer_linearly
@@ -44,11 +44,11 @@ def campaign_to_run(campaign: Campaign, at: At | None, overrides: Mapping[str, A
         return campaign
     boxed = BoxedCampaign(campaign)
     if at == "nominal" or not boxed.ranges:
-        setting, chosen, words = boxed.setting(boxed.upper), replace(campaign, ranges=()), "at the upper ends"
+        setting, chosen, place = boxed.setting(boxed.upper), replace(campaign, ranges=()), "at the upper ends"
     else:
         setting = _box(boxed).tightest
-        chosen, words = boxed.at(setting, overrides), "at the worst setting by linear analysis"
-    return replace(chosen, remarks=(f"the campaign has ranges; it is simulated {words}: {setting_words(setting)}",))
+        chosen, place = boxed.at(setting, overrides), "at the worst setting by linear analysis"
+    return replace(chosen, remarks=(simulated_at(place, setting),))
 
 
 def at_worst(campaign: Description, varied: Sequence[str] = ()) -> tuple[Document, tuple[str, ...]]:

@@ -282,9 +282,11 @@ def test_lincov_and_run(folder: Path) -> None:
     page = (folder / "lincov" / "lincov.html").read_text(encoding="utf-8")
     assert "Over the ranges, R95 of position north, position east is" in page
     assert "Exact: every value grows with every range" in page
-    done = invoke("run", "box.toml", "--no-report", cwd=folder)
+    done = invoke("run", "box.toml", cwd=folder)
     assert done.returncode == 0
     assert done.stderr.startswith("note: the campaign has ranges; it is simulated at the worst setting")
+    first, *_ = (folder / "reports" / "box" / "report.html").read_text(encoding="utf-8").partition("</header>")
+    assert "Simulated at the worst setting by linear analysis: " in first
     stored = tomllib.loads((folder / "reports" / "box" / "campaign.toml").read_text(encoding="utf-8"))
     assert stored["aiding"][0]["position"] == "8.0 m"
     assert answer.box is not None

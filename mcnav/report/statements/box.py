@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Final
 
 from mcnav.analysis.box import Box, Narrowed, Setting, Spread
@@ -17,6 +18,8 @@ NAMED: Final = 3
 
 MATTERS: Final = 0.005
 """Smallest gain that is named."""
+
+RANGED: Final = "the campaign has ranges; it is simulated "
 
 
 def shown_entry(entry: str | int | float) -> str:
@@ -42,6 +45,28 @@ def setting_words(setting: Setting, most: int | None = None) -> str:
     if most is None or len(named) <= most:
         return ", ".join(named)
     return f"{', '.join(named[:most])} and {len(named) - most} more"
+
+
+def simulated_at(place: str, setting: Setting) -> str:
+    """Say at which setting of its ranges a campaign is simulated, as a remark on its run.
+
+    >>> simulated_at("at the upper ends", {"errors.heading": "1.0 mrad"})
+    'the campaign has ranges; it is simulated at the upper ends: errors.heading = 1.00 mrad'
+    """
+    return f"{RANGED}{place}: {setting_words(setting)}"
+
+
+def simulated_in_brief(warning: str) -> str:
+    """Shorten the warning of such a remark to its first value; empty for other warnings.
+
+    >>> remark = simulated_at("at the upper ends", {"imu.gyro.bias": "2.0 deg/h", "errors.heading": "1.0 mrad"})
+    >>> simulated_in_brief(f"Warning: {remark}."), simulated_in_brief("Warning: a kink.")
+    ('Simulated at the upper ends: imu.gyro.bias = 2.00 deg/h and 1 more.', '')
+    """
+    _, remark, place = warning.rstrip(".").partition(RANGED)
+    values = re.split(r", (?=[\w.]+ = )", place)
+    more = f" and {len(values) - 1} more" if len(values) > 1 else ""
+    return f"Simulated {values[0]}{more}." if remark else ""
 
 
 def is_met(requirement: Requirement, value: float) -> bool:

@@ -19,6 +19,7 @@ from mcnav.report.pages.run.tiles import NAMES
 from mcnav.report.pages.run.worst_case import worst_case
 from mcnav.report.pages.screen import foremost as as_foremost
 from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.box import simulated_in_brief
 from mcnav.report.statements.joint import direction_words
 from mcnav.report.statements.requirements import requirement_in_brief, worst_first
 from mcnav.report.statements.verdicts import Statement, statements
@@ -164,13 +165,15 @@ def _consequences(answer: Statement) -> list[str]:
 
 
 def _warnings(tiles: Sequence[Tile]) -> list[str]:
-    """Write out the warnings if they are short, else say where they are."""
+    """Say at which setting of ranges the run is; write out other warnings if they are short, else where they are."""
     warnings = [(warning, tile) for tile in tiles for warning in tile.warnings]
-    if sum(len(warning.split()) for warning, _ in warnings) <= LONGEST:
-        return [warning for warning, _ in warnings]
-    count = "One warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
-    link = next(tile.link for _, tile in warnings)
-    return [LINK(link, count) if link else count]
+    settings = [brief for warning, _ in warnings if (brief := simulated_in_brief(str(warning)))]
+    others = [(warning, tile) for warning, tile in warnings if not simulated_in_brief(str(warning))]
+    if sum(len(warning.split()) for warning, _ in others) <= LONGEST:
+        return [*settings, *(warning for warning, _ in others)]
+    count = "One warning" if len(others) == 1 else f"{len(others)} warnings"
+    link = next(tile.link for _, tile in others)
+    return [*settings, LINK(link, count) if link else count]
 
 
 def _facts(content: RunAnalysis, answer: Statement) -> Facts | None:

@@ -12,6 +12,7 @@ from mcnav.report.drawing.marks import of_requirement
 from mcnav.report.figures.sigma_ratios import sigma_ratios_over_time
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.fields import worst_departure
+from mcnav.report.statements.means import large_means_of
 from mcnav.report.statements.requirements import worst_requirement
 
 Wanted = tuple[str, Sequence[str]]
@@ -47,8 +48,9 @@ def _wanted(content: RunAnalysis, subject: str) -> Iterator[Wanted]:
     summary = content.summary
     match subject:
         case "Mean errors":
-            yield "envelopes", ()
-            yield "histograms", ()
+            largest = [summary.names[large.output] for large in large_means_of(summary)[:1]]
+            yield "envelopes", largest
+            yield "histograms", largest
         case "Requirements":
             row = worst_requirement(summary, content.time_unit)
             if row is not None and row.entry.outputs and row.entry.kind != "sigma_ratio":
