@@ -75,7 +75,8 @@ def sensor_table(kind: SensorType, flight: Flight, times: Mapping[str, str]) -> 
     """Write the table of a sensor."""
     words = kind.words[0].lower() + kind.words[1:].rstrip(".")
     instants = AT_REST if kind.interval is None else AT_INTERVAL
-    late = LATE if kind.delays else ""
+    bends = "\nflexure = " in kind.template  # how the structure bent before a time stamp is not modelled
+    late = LATE if kind.delays and not bends else ""
     text = f'\n[[aiding]]\ntype = "{kind.name}"  # {words}\n{instants}{kind.template}{late}{GATE}'
     for before, after in {**_instants(kind, flight), **times}.items():
         text = text.replace(before, after)
