@@ -136,7 +136,7 @@ class Tuning:
 
     @property
     def closest(self) -> str:
-        """When the chosen filter comes closest to being optimistic, such as ``time 12 s``; empty where not known."""
+        """Instant at which the chosen filter is closest to optimistic, such as ``time 12 s``; empty if unknown."""
         if self.box is None or self.box.filter is None:
             return ""
         verdict = self.box.filter.optimistic

@@ -94,7 +94,7 @@ class OffsetVerdict:
 
     @property
     def seen(self) -> tuple[bool, ...]:
-        """Whether the record says anything of each axis: not of the scale factor of an axis without motion."""
+        """Axes of which the record says something: a scale factor needs motion along its axis."""
         return tuple(self.unit != "1" or sigma < UNSEEN for sigma in self.sigma)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 TONES: Final = {"holds": "agrees", "does not hold": "differs", "cannot say": "undecided"}
 
 UNSEEN: Final = "Errors rarer than one in 30 would be missed"
-"""What few simulations do not meet, such as a jump: said wherever an output is said to hold."""
+"""Limit of few simulations, which rarely meet a jump: it is stated wherever an output holds."""
 
 NAMED: Final = 2
 """Outputs that are named with their ratios."""

@@ -121,7 +121,7 @@ def deviations_of(errors: int, biases: int, keep: Rooms = room, started: Rooms =
 
 
 class DeviationParts(NamedTuple):
-    """What a short step takes of the memory of `Deviations`, by parts: shapes (..., PARTS, PART)."""
+    """Arrays of `Deviations` that a short step uses, by parts: shapes (..., PARTS, PART)."""
 
     turn: Array
     moved: Array

@@ -22,7 +22,7 @@ from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
 class StepNoise(NamedTuple):
-    """What processes add in K steps, Q: other states are independent of one another, but for pairs of neighbours.
+    """Covariances Q that processes add in K steps; of the other states, only neighbours in pairs are correlated.
 
     Attributes
     ----------

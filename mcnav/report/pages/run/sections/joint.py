@@ -129,7 +129,7 @@ def _details(content: RunAnalysis, tests: MultivariateTests) -> list[Part]:
 def _directions(summary: Summary) -> Table[DirectionRow]:
     table: Table[DirectionRow] = directions_table(summary).read
     return table.foremost(lambda row: abs(math.log(row.ratio)) if row.ratio > 0.0 else math.inf, "combinations",
-                          "those whose sigma ratio is farthest from one")  # fmt: skip
+                          "those with the most wrong sigmas")  # fmt: skip
 
 
 def _correlations(content: RunAnalysis, tests: MultivariateTests) -> Table[CorrelationDifference]:
