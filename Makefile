@@ -37,7 +37,8 @@ bench: .venv/benched
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 
 # Measure error rates of intervals, tests and verdicts on campaigns whose truth is known, into reports/calibration.
-# CALIBRATE="--trials 300" gives the number of campaigns of each kind; "--alone rare" or "--alone judge" measures these alone.
+# CALIBRATE="--trials 300" gives the number of campaigns of each kind; "--alone rare", "--alone judge" or
+# "--alone processes" measures these alone.
 calibrate: .venv/tested
 	$(BIN)/python -m tests.calibration $(CALIBRATE)
 

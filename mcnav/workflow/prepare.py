@@ -38,7 +38,7 @@ from mcnav.store.model_record import (
     unsettled_record,
 )
 from mcnav.systems.histories import drawable_history
-from mcnav.workflow.rejections import doubt_about_gates, rejections_of, unseen_rejections
+from mcnav.workflow.rejections import DoubtAboutGates
 
 DEVELOPMENT_POINTS: Final = 61
 """Times of the error budget's history, where the scenario has partial derivatives throughout the flight."""
@@ -118,7 +118,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
     scenario, errors, timeout = campaign.scenario, campaign.errors, campaign.sample_timeout
     draws = DrawPlan(errors, campaign.design, campaign.seed, campaign.samples)
     with scenario_errors(campaign.file):
-        _, rejections = rejections_of(scenario, errors, campaign.tolerance, fly=None)
+        gates = DoubtAboutGates.of(campaign)
         engine = ready_engine(scenario, exact_name(scenario, engine_name), draws.probes())
         exact = isolated(scenario, engine, timeout)
         doubt = find_doubt(scenario, exact, errors, campaign.tolerance)
@@ -134,10 +134,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
         tails = tail_outputs(scenario.outputs, draws, flown, linear)
         unsettled = None if doubt is None else unsettled_record(doubt)
         history = drawable_history(scenario.nominal(), campaign.file)
-        remarks = (
-            *campaign.remarks, *scenario.remarks_on(errors.mean, errors.covariance),
-            *unseen_rejections(rejections, scenario, campaign.samples),
-        )  # fmt: skip
+        remarks = (*campaign.remarks, *scenario.remarks_on(errors.mean, errors.covariance), *gates.unseen)
         differenced, prediction = differenced_at_epochs(scenario, engine), filter_at_epochs(scenario, engine)
         model = _describe(campaign, engine, end, linear, differenced, prediction, pairs)
     return PreparedSystem(
@@ -147,7 +144,7 @@ def prepare_system(campaign: Campaign, engine_name: str, force: bool = False) ->
         exact=exact,
         flown=flown,
         engine_name=engine_name,
-        model=model.completed({"tail_outputs": tails, "gates": doubt_about_gates(rejections, scenario)}),
+        model=model.completed({"tail_outputs": tails, "gates": gates.doubt}),
         linear=linear,
         requirements=requirements,
         differenced=differenced,

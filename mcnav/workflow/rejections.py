@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from mcnav.analysis.rejections import OnLinear, RejectionAnswer, judge_by_flights, judge_rejections
 from mcnav.arrays.types import IndexArray
+from mcnav.config.campaign import Campaign
 from mcnav.contract.gates import RejectionLaws
 from mcnav.contract.scenario import Scenario, has_gates
 from mcnav.report.columns.gates import rejection_line
@@ -26,6 +28,36 @@ FLIGHTS: Final = 4_000
 
 FEW_FLIGHTS: Final = 1_000
 """Where they are not, and a flight has a rejection at most on average: samples seldom see what follows one."""
+
+
+@dataclass(frozen=True)
+class DoubtAboutGates:
+    """What a campaign's run says of rejections of good measurements.
+
+    Attributes
+    ----------
+    doubt : str or None
+        As `doubt_about_gates` returns it.
+    unseen : tuple of str
+        What rejections do that too few of its samples have for them to show it.
+    """
+
+    doubt: str | None
+    unseen: tuple[str, ...]
+
+    @classmethod
+    def of(cls, campaign: Campaign) -> DoubtAboutGates:
+        """Judge the gates of a campaign, with flights where rejections are rare."""
+        scenario = campaign.scenario
+        _, rejections = rejections_of(scenario, campaign.errors, campaign.tolerance, fly=None)
+        doubt = doubt_about_gates(rejections, scenario)
+        if not doubt or rejections is None or rejections.accepted_by_all is None:
+            return cls(doubt, ())
+        seen = campaign.samples * (1.0 - rejections.accepted_by_all)
+        if seen >= FEWEST_SEEN:
+            return cls(doubt, ())
+        words = f"about {number(seen, 2)} of {campaign.samples:,} have a rejection"
+        return cls(doubt, (f"{doubt}. These samples cannot show it: {words}",))
 
 
 def rejections_of(
@@ -65,18 +97,6 @@ def doubt_about_gates(rejections: RejectionAnswer | None, scenario: Scenario) ->
     if rejections.verdict == OnLinear.HOLDS:
         return ""
     return rejection_line(rejections, [output.name for output in scenario.outputs])
-
-
-def unseen_rejections(rejections: RejectionAnswer | None, scenario: Scenario, samples: int) -> tuple[str, ...]:
-    """Say what rejections do that too few samples have for them to show it; nothing where samples show it."""
-    doubt = doubt_about_gates(rejections, scenario)
-    if not doubt or rejections is None or rejections.accepted_by_all is None:
-        return ()
-    seen = samples * (1.0 - rejections.accepted_by_all)
-    if seen >= FEWEST_SEEN:
-        return ()
-    expected = number(seen, 2)
-    return (f"{doubt}. These samples cannot show it: about {expected} of {samples:,} have a rejection",)
 
 
 def _some(numbers: Sequence[int]) -> IndexArray:

@@ -333,7 +333,7 @@ def _calibration(folder: Path, _: Callable[[str], Path]) -> Path:
     table = pd.read_csv(ROOT / "reports" / "calibration" / "calibration.csv")
     table["finding"] = table["finding"].fillna("")
     written = folder / "calibration.html"
-    written.write_text(calibration_page.render(table, 300), encoding="utf-8")
+    written.write_text(calibration_page.render(table), encoding="utf-8")
     return written
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.calibration.box_trials import CSV as BOXES_CSV
 from tests.calibration.box_trials import write_boxes
-from tests.calibration.page import CSV, write_calibration
+from tests.calibration.page import ALONE, CSV, write_calibration
 
 
 def main() -> None:
@@ -17,9 +17,7 @@ def main() -> None:
     )
     parser.add_argument("--trials", type=int, default=100, help="campaigns of each kind [default: 100]")
     parser.add_argument("--jobs", type=int, default=2, help="parallel processes [default: 2]")
-    parser.add_argument(
-        "--alone", choices=("rare", "judge", "boxes"), default="", help="measure these, keep the other rates"
-    )
+    parser.add_argument("--alone", choices=(*ALONE, "boxes"), default="", help="measure these, keep the other rates")
     parser.add_argument("--out", type=Path, default=Path("reports/calibration"), help="[default: reports/calibration]")
     options = parser.parse_args()
     if options.alone == "boxes":

@@ -68,6 +68,9 @@ GROUPS: Final = {
 
 CSV: Final = "calibration.csv"
 
+ALONE: Final = ("rare", "judge", "processes")
+"""Rates that may be measured alone: of rare events, of judged records, of slow processes in static records."""
+
 JUDGED_SHARE: Final = 2.5
 """Campaigns of other kinds for which there is one judged record with each wrong thing."""
 
@@ -183,16 +186,16 @@ OTHERS: Final[Mapping[str, tuple[Markup, ...]]] = {
 SIGN: Final = Markup('<span class="mark">{}</span>').format
 
 
-def render(table: pd.DataFrame, trials: int) -> str:
-    """Render the page from a table of rates, with ``trials`` campaigns of each kind."""
+def render(table: pd.DataFrame) -> str:
+    """Render the page from a table of rates."""
     groups = table["system"].map(_group)
     picked = {key: table[(groups == key[0]) & (table["kind"] == key[1])] for key in TITLES}
     notes = [SYSTEMS, *(note for group, own in OTHERS.items() if group in set(groups) for note in own)]
     campaigns = table.groupby(["system", "sources", "design", "samples"])["campaigns"].max().sum()
     intro = (
-        f"Coverage of intervals, false alarms and power, measured on {campaigns:,} independent synthetic campaigns "
-        f"({trials} of each kind, of inertial navigation and static records a third). The moments of the systems are "
-        "known in closed form. Rates are in per cent, with exact binomial intervals at 95 %. The nominal level of each "
+        f"Coverage of intervals, false alarms and power, measured on {campaigns:,} independent synthetic campaigns; "
+        "each rate states their number. The moments of the systems are known in closed form. Rates are in per cent, "
+        "with exact binomial intervals at 95 %. The nominal level of each "
         "statement is 95 % unless given otherwise."
     )
     sections = [_section(own, *key, TITLES[key]) for key, own in picked.items() if len(own)]
@@ -217,7 +220,7 @@ def _finding_table(table: pd.DataFrame) -> Table[str]:
 def write_calibration(folder: Path, trials: int, jobs: int, alone: str = "") -> tuple[pd.DataFrame, list[Path]]:
     """Measure all rates, write the page and its CSV file, and return the table of rates and the files.
 
-    With ``alone`` those of rare events or of judged records; the others are those of the CSV file in the folder.
+    With one of `ALONE` those alone; the others are those of the CSV file in the folder.
     """
     import pandas as pd
 
@@ -226,9 +229,10 @@ def write_calibration(folder: Path, trials: int, jobs: int, alone: str = "") -> 
 
     if alone:
         earlier = pd.read_csv(folder / CSV, keep_default_na=False, na_values={"nominal": [""]})
-        others = earlier[earlier["system"].map(_group) != alone]
-        counted = run_rare_trials(trials, jobs, folder / RARE_CSV) if alone == GROUPS[RARE] else judged()
-        table = pd.concat([others, rates(counted)]).sort_values(list(earlier)[:6], kind="stable")
+        run = {"rare": lambda: run_rare_trials(trials, jobs, folder / RARE_CSV), "judge": judged}
+        measured = rates(run.get(alone, lambda: run_slow_trials(trials, jobs))())
+        others = earlier[~earlier["system"].isin(measured["system"])]
+        table = pd.concat([others, measured]).sort_values(list(earlier)[:6], kind="stable")
     else:
         counted = run_trials(trials, jobs, DESIGNS)
         for more in (
@@ -241,7 +245,7 @@ def write_calibration(folder: Path, trials: int, jobs: int, alone: str = "") -> 
         ):  # fmt: skip
             counted += more
         table = rates(counted)
-    texts = {"calibration.html": render(table, trials)}
+    texts = {"calibration.html": render(table)}
     texts[CSV] = table.to_csv(index=False, float_format="%.4f")
     return table, write_texts(folder, texts)
 

@@ -25,7 +25,7 @@ from mcnav.studies.allocate import allocate
 from mcnav.studies.lincov import lincov_table
 from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
-from mcnav.workflow.rejections import rejections_of, unseen_rejections
+from mcnav.workflow.rejections import DoubtAboutGates, rejections_of
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.what_if import what_if_of_run
 
@@ -324,7 +324,7 @@ def test_a_run_says_what_its_samples_are_too_few_to_show(tmp_path: Path) -> None
     own_error = 0.5 * expected * squares.std() / squares.mean() / np.sqrt(len(squares))
     apart = stats.norm.isf(0.5 * FALSE_ALARM) * np.hypot(own_error, flown.error[0])
     assert abs(flown.rms[0] - expected) < apart + 0.01 * expected
-    assert unseen_rejections(rejections, campaign.scenario, 40_000) == ()
+    assert DoubtAboutGates.of(campaign.with_overrides({"samples": 40_000})).unseen == ()
 
 
 def test_samples_show_the_lockout_that_linear_analysis_cannot(tmp_path: Path) -> None:

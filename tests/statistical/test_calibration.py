@@ -103,7 +103,7 @@ def test_a_small_study(tmp_path: object) -> None:
     assert {system: set(rows["measured"]) for system, rows in fixed.groupby("system")} == {
         "dependent": {0.0}, "bent": {1.0},
     }  # fmt: skip
-    text = page.render(table, 4)
+    text = page.render(table)
     assert text.count("<section id=") == 4
     assert "nan" not in text
 
@@ -126,7 +126,7 @@ def test_rates_of_filters() -> None:
     assert set(alarms.index.get_level_values("system")) == {MATCHED, TOLERATED, ONE_TOLERATED}
     assert (alarms <= 5 / 24).all()  # 5 % at 99.9 %
     assert (found[("false alarm", slice(None), "filter consistent")] <= 5 / 24).all()
-    assert page.render(table, 24).count("<section id=") == 4
+    assert page.render(table).count("<section id=") == 4
 
 
 def test_rates_of_rare_events(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_rates_of_rare_events(tmp_path: Path) -> None:
     assert {cell.statement for cell in tallied.made} == {HOLDS, MET, SECOND}
     measured = rates(tallied)
     assert set(measured["finding"]) <= {"as stated", "safe", ""}
-    text = page.render(measured, 3)
+    text = page.render(measured)
     assert text.count("<section id=") == 3
     assert "Rare events: coverage of intervals" in text
 
@@ -236,7 +236,7 @@ def test_rates_with_noise() -> None:
     assert found["power", "noise, response wrong", "paired sigma ratio is not one"] == 1.0
     assert found["power", "noise, response wrong", "plain sigma ratio is not one"] < 0.5
     assert {"sigma ratio of two runs with the same draws", DETECTABLE} <= set(table["statement"])
-    assert page.render(table, 60).count("<section id=") == 4
+    assert page.render(table).count("<section id=") == 4
 
 
 def test_rates_of_requirements() -> None:
@@ -245,7 +245,7 @@ def test_rates_of_requirements() -> None:
     assert set(table["finding"]) <= {"as stated", "safe", ""}
     bounded = table[table["statement"] == "R95, upper bound"]
     assert set(bounded["design"]) == {"random"}
-    assert page.render(table, 60).count("<section id=") == 3
+    assert page.render(table).count("<section id=") == 3
 
 
 def test_rates_of_kalman_filters() -> None:
@@ -256,7 +256,7 @@ def test_rates_of_kalman_filters() -> None:
     assert len(named) == 2
     assert (named["measured"] == 1.0).all()
     assert (named["campaigns"] > 30).all()
-    assert page.render(table, 40).count("<section id=") == 4
+    assert page.render(table).count("<section id=") == 4
 
 
 def test_rates_of_navigation() -> None:
@@ -267,7 +267,7 @@ def test_rates_of_navigation() -> None:
     assert found["aided navigation, scale factors neglected", "filter optimistic"] == 1.0
     assert found["aided navigation, scale factors neglected", "largest neglected error named, where optimistic"] == 1.0
     assert found["free navigation", "verdict: agrees, on all outputs"] == 1.0
-    assert page.render(table, 12).count("<section id=") == 7
+    assert page.render(table).count("<section id=") == 7
 
 
 def test_evidence_is_that_of_a_run(tmp_path: Path) -> None:

@@ -135,7 +135,8 @@ REVISION: Final = 7
 """Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
 
 4 computes them in single precision, 5 linear errors as sums. 6 computes the velocity of an antenna on a lever arm with
-measured rates. 7 turns the force's error to the attitude that a filter's sample indicates.
+measured rates. 7 turns the force's error to the attitude that a filter's sample indicates. It is one more where sensors
+have a boresight or a map: innovations are exact in their errors.
 """
 
 EPOCHS: Final = 60
@@ -431,7 +432,6 @@ class Ins(PlainScenario):
 
     outputs = NAVIGATION_ERRORS
     start_clock = START_CLOCK
-    revision = REVISION
 
     def __init__(self, navigation: Navigation, remarks: tuple[str, ...] = ()) -> None:
         first, last = navigation.truth.times[[0, -1]]
@@ -443,6 +443,7 @@ class Ins(PlainScenario):
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
+        self.revision = REVISION + any(sensor.offsets for sensor in navigation.sensors)
         self.further_epochs = navigation.further  # samples' noise depends on all epochs
         self.remarks = remarks
         self._last_starts: tuple[tuple[str, bytes], Propagated] | None = None

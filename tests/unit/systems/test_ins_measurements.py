@@ -14,7 +14,14 @@ from mcnav.compiled.vectors import LANES, load, room, store
 from mcnav.systems.ins.ensemble.filters import SIX, filter_updates
 from mcnav.systems.ins.ensemble.innovations import INNOVATION, INNOVATIONS, places_of
 from mcnav.systems.ins.ensemble.steps import deviations_of
-from mcnav.systems.ins.ensemble.updates import RateTables, UpdateTables, along_truth, estimates_of, innovate
+from mcnav.systems.ins.ensemble.updates import (
+    OffsetTables,
+    RateTables,
+    UpdateTables,
+    along_truth,
+    estimates_of,
+    innovate,
+)
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
 from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, choose_by_kind
 from mcnav.systems.ins.sensors.measurements import Measurements, measure
@@ -50,6 +57,10 @@ def update_tables(found: Measurements) -> UpdateTables:
         filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
         RateTables(found.swinging, found.swung, found.levers, no_rates, no_rates, no_rates, no_numbers, no_numbers),
         never, none,
+        OffsetTables(
+            np.full((updates, 3), -1), np.full((updates, 3), -1), never, np.zeros((updates, 3, 3)),
+            np.zeros((updates, most, 3)),
+        ),
     )  # fmt: skip
 
 
@@ -81,7 +92,7 @@ def both_ways(
     places, kinds, sizes = found
     turn, turned, three = rooms
     x, y, z, vx, vy, vz = load(moved, 0), load(moved, 1), load(moved, 2), load(moved, 3), load(moved, 4), load(moved, 5)
-    errors, rows, number = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, three, three, three), out[:0], 0
+    errors, rows, number = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, three, three, three, three), out[:0], 0
     for u in range(len(sizes)):
         for c in range(sizes[u]):
             store(out, (number, 0), INNOVATION(places[u, c], x, u, c, tables, errors, rows, False))

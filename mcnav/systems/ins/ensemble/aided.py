@@ -47,6 +47,7 @@ from mcnav.systems.ins.ensemble.innovations import places_of
 from mcnav.systems.ins.ensemble.kind_updates import UPDATE, KindRooms, kind_rooms, number_of
 from mcnav.systems.ins.ensemble.lateness import draw_jitters, late_errors
 from mcnav.systems.ins.ensemble.normalization import share_covariances
+from mcnav.systems.ins.ensemble.offsets import offset_tables
 from mcnav.systems.ins.ensemble.propagation import propagate_covariances
 from mcnav.systems.ins.ensemble.records import (
     EpochTables,
@@ -321,6 +322,7 @@ class AidedTables:
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
             ),
             self._swings(np.zeros(0, dtype=np.int64)), np.any(measured.faults != 0.0, axis=1), measured.faults,
+            offset_tables(self.loop, active),
         )  # fmt: skip
 
     @cached_property

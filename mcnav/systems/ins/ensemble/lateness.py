@@ -204,11 +204,12 @@ class _Rooms(NamedTuple):
     moved: Array
     rotation: Array
     swing: Array
+    offset: Array
     rows: Array
 
 
 def _rooms() -> _Rooms:
-    return _Rooms(room(4), room(9), room(6), room(3), room(3), room(0, 9))
+    return _Rooms(room(4), room(9), room(6), room(3), room(3), room(3), room(0, 9))
 
 
 @allocation_free_part
@@ -217,7 +218,7 @@ def _innovate(innovation: int, u: int, c: int, tables: MeasurementTables, lanes:
     x, y, z = load(lanes.moved, 3), load(lanes.moved, 4), load(lanes.moved, 5)
     vx, vy, vz = load(lanes.moved, 0), load(lanes.moved, 1), load(lanes.moved, 2)
     errors = NavigatorErrors(
-        x, y, z, vx, vy, vz, lanes.turn, lanes.turned, lanes.rotation, lanes.swing, lanes.swing
+        x, y, z, vx, vy, vz, lanes.turn, lanes.turned, lanes.rotation, lanes.swing, lanes.swing, lanes.offset
     )  # fmt: skip
     store(lanes.turn, 0, INNOVATION(innovation, 0.0 * x, u, c, tables, errors, lanes.rows, False))
 

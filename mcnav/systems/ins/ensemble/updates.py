@@ -46,6 +46,7 @@ class UpdateTables(NamedTuple):
         Whether an update has a fault.
     faults : ndarray, shape (U, M)
         What faults add to the measurements.
+    offsets : OffsetTables
     """
 
     sensors: IndexArray
@@ -70,6 +71,7 @@ class UpdateTables(NamedTuple):
     swings: RateTables
     faulty: NDArray[np.bool_]
     faults: Array
+    offsets: OffsetTables
 
 
 class RateTables(NamedTuple):
@@ -99,6 +101,28 @@ class RateTables(NamedTuple):
     states: Array
     drifting: IndexArray
     estimated: IndexArray
+
+
+class OffsetTables(NamedTuple):
+    """Tables of the errors o of a sensor's `mcnav.systems.ins.sensors.quantity.OFFSETS` in U updates.
+
+    Attributes
+    ----------
+    errors, states : ndarray of int, shape (U, 3)
+        Number of the sensors' constant error that is not zero, and of the filter's state, of each axis; -1 for none.
+    present : ndarray of bool, shape (U,)
+        Whether an update's sensor has any.
+    axes : ndarray, shape (U, 3, 3)
+        Inertial axes, by columns.
+    rows : ndarray, shape (U, M, 3)
+        Responses of the innovations to them.
+    """
+
+    errors: IndexArray
+    states: IndexArray
+    present: NDArray[np.bool_]
+    axes: Array
+    rows: Array
 
 
 def along_truth(measured: Measurements) -> NDArray[np.bool_]:
@@ -131,6 +155,8 @@ class Estimates(NamedTuple):
         What errors of the gyros make of a navigator's rate, in inertial axes, before the filter's estimates.
     swing, corrected : ndarray, shape (3, LANES)
         Velocity of the antenna by the error of that rate, and what of it is not the gyros' own errors.
+    offset, known : ndarray, shape (3, LANES)
+        Errors of the sensor's offset less what is estimated of them, in inertial axes and in their own.
     accepted : ndarray, shape (1, LANES)
     before : ndarray, shape (sensors, 3 C, LANES)
         Whitened innovation of each sensor's update before.
@@ -149,6 +175,8 @@ class Estimates(NamedTuple):
     rate: Array
     swing: Array
     corrected: Array
+    offset: Array
+    known: Array
     accepted: Array
     before: Array
     tally: Array
@@ -172,7 +200,7 @@ def estimates_of(
     size = room_for(most)
     return Estimates(
         keep(states), keep(aiding), drifting(components), drifting(components), room(size), room(size), room(size),
-        room(3), room(3), room(3), room(3), room(1), keep(sensors, size), keep(sensors, COUNTS),
+        room(3), room(3), room(3), room(3), room(3), room(3), room(1), keep(sensors, size), keep(sensors, COUNTS),
     )  # fmt: skip
 
 
@@ -264,6 +292,21 @@ def _swing(u: int, spin: float, rates: RateTables, turned: Array, own: Estimates
 
 
 @allocation_free_part
+def _offset(u: int, tables: OffsetTables, own: Estimates) -> None:
+    """Compute what errors of a sensor's offset are left after the filter's estimates."""
+    for j in range(THREE):
+        left = 0.0 * load(own.disturbance, 0)
+        if tables.errors[u, j] >= 0:
+            left += load(own.aiding, tables.errors[u, j])
+        if tables.states[u, j] >= 0:
+            left -= load(own.estimate, tables.states[u, j])
+        store(own.known, j, left)
+    a, b, c = load(own.known, 0), load(own.known, 1), load(own.known, 2)
+    for i in range(THREE):
+        store(own.offset, i, tables.axes[u, i, 0] * a + tables.axes[u, i, 1] * b + tables.axes[u, i, 2] * c)
+
+
+@allocation_free_part
 def innovate(
     u: int, m: int, constants: Array, tables: UpdateTables, samples: Deviations, rows: Array, own: Estimates
 ) -> None:
@@ -291,11 +334,17 @@ def innovate(
     shared = MeasurementTables(
         tables.directions, tables.parameters, tables.places, tables.swings.levers, tables.swings.swinging, constants
     )
-    errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected)
+    offsets = tables.offsets
+    if offsets.present[u]:
+        _offset(u, offsets, own)
+    errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected, own.offset)
     for c in range(m):
         value = INNOVATION(tables.innovations[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
+        if offsets.present[u]:  # the first order is in the disturbance and in the responses to states already
+            for j in range(THREE):
+                value -= offsets.rows[u, c, j] * load(own.known, j)
         store(own.innovation, c, value)
 
 

@@ -1,9 +1,9 @@
 """Distance to the ground along beams fixed to the body.
 
 From the place r along the direction d the ground, of normal m, is at the distance s, the root ``q / (sqrt(h^2 - g q) -
-h)`` of ``q + 2 h s + g s^2 = 0`` (`mcnav.systems.ins.sensors.beams`). With the lever arm L the innovation is
-``s(r + x + R L, R d) - s(r + L, d)``; its parameters are the scales 1 / A and 1 / B of the ground, and L. An error of
-the place changes s by ``-m . x / m . d``, and a turn by ``-m . (psi x (L + s d)) / m . d``.
+h)`` of ``q + 2 h s + g s^2 = 0`` (`mcnav.systems.ins.sensors.beams`). With the lever arm L and boresight errors b the
+innovation is ``s(r + x + R L, R (d + b x d)) - s(r + L, d)``; its parameters are the scales 1 / A and 1 / B of the
+ground, and L. An error of the place changes s by ``-m . x / m . d``, and a turn by ``-m . (psi x (L + s d)) / m . d``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,13 @@ from mcnav.compiled.vectors import Vector
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION
 from mcnav.systems.ins.sensors.beams import beam_range, ground_scales
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
-from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, change_by_turn, store_three
+from mcnav.systems.ins.sensors.innovation import (
+    MeasurementTables,
+    NavigatorErrors,
+    change_by_boresight,
+    change_by_turn,
+    store_three,
+)
 from mcnav.systems.ins.sensors.quantity import BEAMS, Geometry, QuantityDefinition
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 
@@ -39,6 +45,7 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
         parameters=np.column_stack([scales[0] * same, scales[2] * same, lever]),
         lever_arm=np.einsum("nji,nj->ni", along.body, x),
         offsets={"boresight": np.cross(beam, of_body)},
+        offset_axes=along.body,
         true=distance,
     )
 
@@ -57,15 +64,17 @@ def _distance(
 def innovation(
     value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
 ) -> Vector:
-    """Add ``s(r + x + R L, R d) - s(r + L, d)``."""
+    """Add ``s(r + x + R L, R (d + b x d)) - s(r + L, d)``."""
     dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
     level, polar, zero = tables.parameters[u, c, 0], tables.parameters[u, c, 1], 0.0 * errors.x
     lx, ly, lz = tables.parameters[u, c, 2], tables.parameters[u, c, 3], tables.parameters[u, c, 4]
     rx, ry, rz = tables.places[u, 0] + lx, tables.places[u, 1] + ly, tables.places[u, 2] + lz
     q = zero + ((level * rx) ** 2 + (level * ry) ** 2 + (polar * rz) ** 2 - 1.0)
     here = _distance(level, polar, q, zero + rx, zero + ry, zero + rz, zero + dx, zero + dy, zero + dz)
-    ex, ey, ez = change_by_turn(errors.turned, dx, dy, dz)
-    ex, ey, ez = dx + ex, dy + ey, dz + ez
+    bx, by, bz = change_by_boresight(errors.offset, dx, dy, dz)
+    bx, by, bz = dx + bx, dy + by, dz + bz
+    ex, ey, ez = change_by_turn(errors.turned, bx, by, bz)
+    ex, ey, ez = bx + ex, by + ey, bz + ez
     tx, ty, tz = change_by_turn(errors.turned, lx, ly, lz)
     px, py, pz = errors.x + tx, errors.y + ty, errors.z + tz
     # the change of q by the place's, without the rounding of places of a planet's radius

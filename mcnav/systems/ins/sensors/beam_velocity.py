@@ -3,11 +3,11 @@
 With the velocity u over the earth, the body's rate w over it, the lever arm L and the deviations v and x, all in
 inertial axes, the innovation along a beam of the direction d is ::
 
-    R d . (u + v - W x x) - d . u + d . (e x L)
+    R (d + b x d) . (u + v - W x x) - d . u + (b x d) . (w x L) + d . (e x L)
 
 The navigator has the beam, the arm and the rate of its gyros in the body's axes, so that ``d . (w x L)`` itself is not
-turned; e is the error of its rate over the earth (`mcnav.systems.ins.sensors.velocity`). With boresight errors b', in
-the body's axes, d is ``C (b + b' x b)`` (`mcnav.systems.ins.sensors.beams`).
+turned; e is the error of its rate over the earth (`mcnav.systems.ins.sensors.velocity`), and b are boresight errors
+(`mcnav.systems.ins.sensors.beams`). The parameters are u, and w x L for boresight errors.
 """
 
 from __future__ import annotations
@@ -22,7 +22,13 @@ from mcnav.compiled.vectors import Vector, load
 from mcnav.systems.ins.reference.axes import ATTITUDE, VELOCITY, cross_matrix
 from mcnav.systems.ins.sensors.beams import FURTHER, read_beams, select
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
-from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, change_by_turn, store_three
+from mcnav.systems.ins.sensors.innovation import (
+    MeasurementTables,
+    NavigatorErrors,
+    change_by_boresight,
+    change_by_turn,
+    store_three,
+)
 from mcnav.systems.ins.sensors.quantity import BEAMS, Geometry, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 
@@ -44,9 +50,10 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
         psi=psi,
         v=direction,
         x=np.stack([-spin * direction[:, 1], spin * direction[:, 0], np.zeros(len(direction))], axis=1),
-        parameters=along.velocity,
+        parameters=np.concatenate([along.velocity, np.einsum("nij,nj->ni", along.body, swinging)], axis=1),
         lever_arm=np.cross(beam, along.turning),
         offsets={"boresight": np.cross(beam, of_body)},
+        offset_axes=along.body,
         true=np.einsum("ni,ni->n", direction, along.velocity) + swinging @ beam,
     )
 
@@ -55,14 +62,18 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
 def innovation(
     value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
 ) -> Vector:
-    """Add ``(R - I) d . u + R d . (v - W x x)``, and with a lever arm ``d . (e x L)``.
+    """Add ``R (d + b x d) . (u + v - W x x) - d . u + (b x d) . (w x L)``, and with a lever arm ``d . (e x L)``.
 
     The responses are those of the navigator's own velocity and beam.
     """
     spin = tables.earth[3]
     dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
     ax, ay, az = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
-    ex, ey, ez = change_by_turn(errors.turned, dx, dy, dz)
+    bx, by, bz = change_by_boresight(errors.offset, dx, dy, dz)
+    wx, wy, wz = tables.parameters[u, c, 3], tables.parameters[u, c, 4], tables.parameters[u, c, 5]
+    value += bx * wx + by * wy + bz * wz
+    ex, ey, ez = change_by_turn(errors.turned, dx + bx, dy + by, dz + bz)
+    ex, ey, ez = bx + ex, by + ey, bz + ez
     value += ex * ax + ey * ay + ez * az
     ex, ey, ez = dx + ex, dy + ey, dz + ez
     value += ex * errors.vx + ey * errors.vy + ez * errors.vz

@@ -64,6 +64,8 @@ class NavigatorErrors(NamedTuple):
         Room for a rotation vector.
     swing, corrected : ndarray, shape (3, LANES)
         Velocity of the antenna by the error of the navigator's rate, and what of it is not the gyros' own errors, m/s.
+    offset : ndarray, shape (3, LANES)
+        Errors of a sensor's `mcnav.systems.ins.sensors.quantity.OFFSETS`, less what the filter has estimated of them.
     """
 
     x: Vector
@@ -77,6 +79,14 @@ class NavigatorErrors(NamedTuple):
     rotation: Array
     swing: Array
     corrected: Array
+    offset: Array
+
+
+@inlined
+def change_by_boresight(offset: Array, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
+    """Compute by how much boresight errors b change a direction as the navigator knows it: ``b x d``."""
+    a, b, c = load(offset, 0), load(offset, 1), load(offset, 2)
+    return b * z - c * y, c * x - a * z, a * y - b * x
 
 
 @inlined

@@ -1,8 +1,8 @@
 """Direction to a landmark along the axes of the body, and landmarks: points whose place is known from a map.
 
 With the place l of the landmark, s = l - r and the unit vector e(s), the innovation along an axis d of the body is
-``R d . e(s - x) - d . e(s)``; its parameters are s. The map's error m, that of the place which the navigator takes less
-the true one, is constant, and the same for all measurements of the landmark.
+``R d . e(s - x + m) - d . e(s)``; its parameters are s. The map's error m, that of the place which the navigator takes
+less the true one, is constant, and the same for all measurements of the landmark.
 
 A filter cannot tell a shift of the vehicle from the same shift of the map. Its responses to x are therefore those at
 the true place, as its responses to m are: with those at each sample's own place it would believe that it can.
@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.arrays.types import Array
-from mcnav.compiled.jit import allocation_free_part
-from mcnav.compiled.vectors import Vector
+from mcnav.compiled.jit import allocation_free_part, inlined
+from mcnav.compiled.vectors import Vector, load
 from mcnav.entries.context import FileContext
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.imu.instruments import AXES
@@ -47,14 +47,24 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
         x=of_place,
         parameters=away,
         offsets={"map": -np.einsum("ni,nij->nj", of_place, landmark_axes(along))},
+        offset_axes=landmark_axes(along),
     )
+
+
+@inlined
+def seen_from(errors: NavigatorErrors, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
+    """Compute ``s - x + m``: from the navigator's own place to where the map has the landmark."""
+    return (
+        x - errors.x + load(errors.offset, 0), y - errors.y + load(errors.offset, 1),
+        z - errors.z + load(errors.offset, 2),
+    )  # fmt: skip
 
 
 @allocation_free_part
 def innovation(
     value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
 ) -> Vector:
-    """Add ``(R - I) d . e(s) + R d . (e(s - x) - e(s))``."""
+    """Add ``(R - I) d . e(s) + R d . (e(s - x + m) - e(s))``."""
     dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
     sx, sy, sz = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
     inverse = 1.0 / np.sqrt(sx * sx + sy * sy + sz * sz)
@@ -62,7 +72,7 @@ def innovation(
     ex, ey, ez = change_by_turn(errors.turned, dx, dy, dz)
     value += ex * ux + ey * uy + ez * uz
     ex, ey, ez = dx + ex, dy + ey, dz + ez
-    px, py, pz = sx - errors.x, sy - errors.y, sz - errors.z
+    px, py, pz = seen_from(errors, sx, sy, sz)
     nearer = 1.0 / np.sqrt(px * px + py * py + pz * pz)
     px, py, pz = px * nearer, py * nearer, pz * nearer
     value += ex * (px - ux) + ey * (py - uy) + ez * (pz - uz)

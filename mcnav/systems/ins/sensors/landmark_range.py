@@ -1,4 +1,4 @@
-"""Distance to a landmark: ``|s - x| - |s|`` is the innovation, with s from the vehicle to it.
+"""Distance to a landmark: ``|s - x + m| - |s|`` is the innovation, with s from the vehicle to it.
 
 Its parameters are s; `mcnav.systems.ins.sensors.landmark_direction` has the sensor, and the map's error.
 """
@@ -15,7 +15,7 @@ from mcnav.compiled.vectors import Vector
 from mcnav.systems.ins.reference.axes import POSITION
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
 from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, store_three
-from mcnav.systems.ins.sensors.landmark_direction import landmark_axes
+from mcnav.systems.ins.sensors.landmark_direction import landmark_axes, seen_from
 from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 
@@ -26,16 +26,18 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
     distance = np.linalg.norm(away, axis=1)
     unit = away / distance[:, None]
     of_map = np.einsum("ni,nij->nj", unit, landmark_axes(along))
-    return Geometry(unit, x=-unit, parameters=away, offsets={"map": of_map}, true=distance)
+    return Geometry(
+        unit, x=-unit, parameters=away, offsets={"map": of_map}, offset_axes=landmark_axes(along), true=distance
+    )
 
 
 @allocation_free_part
 def innovation(
     value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
 ) -> Vector:
-    """Add ``|s - x| - |s|``."""
+    """Add ``|s - x + m| - |s|``."""
     sx, sy, sz = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
-    px, py, pz = sx - errors.x, sy - errors.y, sz - errors.z
+    px, py, pz = seen_from(errors, sx, sy, sz)
     distance, zero = np.sqrt(sx * sx + sy * sy + sz * sz), 0.0 * errors.x
     value += np.sqrt(px * px + py * py + pz * pz) - distance
     if wanted:

@@ -88,6 +88,8 @@ class Geometry:
         quantity that a sensor with flexure may measure (`mcnav.systems.ins.sensors.flexure`).
     offsets : mapping of str to ndarray, shape (u, 3), optional
         Responses of the innovation to errors of `OFFSETS`, by their names.
+    offset_axes : ndarray, shape (u, 3, 3), optional
+        The axes of these errors, by columns.
     """
 
     direction: Array
@@ -99,6 +101,7 @@ class Geometry:
     true: Array | None = None
     flexure: Array | None = None
     offsets: Mapping[str, Array] = field(default_factory=dict)
+    offset_axes: Array | None = None
 
     @property
     def row(self) -> Array:
@@ -130,7 +133,8 @@ class QuantityDefinition:
     innovation : callable
         Kernel of the ensemble, an `allocation_free_part`: ``innovation(value, u, c, tables, errors, rows, wanted)``
         returns the value with the innovation of component c of update u added. If wanted, it writes the responses about
-        each sample's own attitude to ``rows[c]``, which are zero before (`store_three`).
+        each sample's own attitude to ``rows[c]``, which are zero before (`store_three`). Of a sensor with errors of
+        `OFFSETS` it takes ``errors.offset``, of which the first order is subtracted afterwards.
     compare : callable
         ``compare(comparison)``: the difference of a navigator of the reference engine and the truth, along all axes.
     scaled : bool
