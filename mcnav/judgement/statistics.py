@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -36,7 +37,7 @@ class SensorStatistics:
         """Mean normalized innovation squared over the number of components, shape (R,)."""
         return np.asarray(np.mean(self.whitened**2, axis=(0, 1)))
 
-    @property
+    @cached_property
     def autocorrelations(self) -> Array:
         """Autocorrelations of the whitened innovations at lags 1, 2, ..., all components together, shape (l, R)."""
         count = len(self.times)
