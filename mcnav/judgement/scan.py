@@ -129,7 +129,7 @@ class Scan:
     def _apart(self) -> StartApart:
         """The record of the campaign alone without errors at the start alone."""
         own = without_mean(with_causes(self.record, present(self.record)))
-        return StartApart.of(own, self._measured, start_alone(own))
+        return StartApart.of(own, [self._measured], start_alone(own))
 
     @cached_property
     def _missing(self) -> Mapping[int, tuple[int, FilteredRecord]]:

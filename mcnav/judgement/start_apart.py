@@ -51,7 +51,7 @@ class StartApart:
     sources: IndexArray
 
     @classmethod
-    def of(cls, record: FilteredRecord, measured: Innovations, sources: IndexArray) -> StartApart:
+    def of(cls, record: FilteredRecord, measured: Sequence[Innovations], sources: IndexArray) -> StartApart:
         """Take these errors out of R records, which have no corrections and no mean.
 
         Parameters
@@ -61,16 +61,14 @@ class StartApart:
         """
         moving = without_start(record, sources)
         responses = respond_freely(record, record.to_states[:, sources] @ _root(record, sources))
-        columns, count, size = beside([measured, responses]), len(measured), len(sources)
+        columns, count, size = beside([*measured, responses]), sum(len(each) for each in measured), len(sources)
         sums = np.zeros((size, count + size))
         for _, whitened, _ in whiten_many(moving, columns, [{}]):
             sums += whitened[:, count:].T @ whitened
         shifts = np.linalg.solve(np.eye(size) + sums[:, count:], sums[:, :count])
-        values = tuple(
-            np.concatenate([value[:, :count] - value[:, count:] @ shifts, value[:, count:]], axis=1)
-            for value in columns.values
-        )
-        return cls(record, moving, Innovations(values, columns.errors), shifts, sources)
+        for value in columns.values:
+            value[:, :count] -= value[:, count:] @ shifts
+        return cls(record, moving, columns, shifts, sources)
 
     @property
     def causes(self) -> frozenset[int]:

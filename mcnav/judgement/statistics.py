@@ -69,12 +69,12 @@ def sensor_statistics(record: FilteredRecord, innovations: Innovations) -> tuple
     result = []
     for number in range(len(record.sensors)):
         rows = [n for n, stage in enumerate(record.stages) if stage.sensor == number]
-        whitened = [
-            solve_triangular(np.linalg.cholesky(record.stages[n].covariance), innovations.values[n], lower=True)
-            for n in rows
-        ]
+        whitened = np.empty((len(rows), *innovations.values[rows[0]].shape))
+        for place, n in enumerate(rows):
+            root = np.linalg.cholesky(record.stages[n].covariance)
+            whitened[place] = solve_triangular(root, innovations.values[n], lower=True)
         times = np.array([record.stages[n].time for n in rows])
-        result.append(SensorStatistics(times, np.array(whitened)))
+        result.append(SensorStatistics(times, whitened))
     return tuple(result)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
 from mcnav.judgement.likelihood import respond_freely, whiten_many, without_corrections
-from mcnav.judgement.simulation import Innovations, beside, simulate_alone
+from mcnav.judgement.simulation import Innovations, simulate_alone
 from mcnav.judgement.start_apart import StartApart, start_alone
 
 GRID: Final = (1.0 / 30.0, 0.1, 0.3, 0.6, 0.9, 1.0, 1.1, 1.7, 3.0, 10.0, 30.0)
@@ -59,9 +59,7 @@ class Together:
     record : FilteredRecord
         Of mean zero.
     apart : StartApart
-        Given and simulated records, those of one cause alone, and the responses to constant errors.
-    few : Innovations
-        The same without the responses to constant errors.
+        Responses to constant errors, given and simulated records, and those of one cause alone.
     given, simulated, trials : int
         Numbers of records; the last one of each cause alone.
     shifts : ndarray, shape (m, n + j p + o)
@@ -70,7 +68,6 @@ class Together:
 
     record: FilteredRecord
     apart: StartApart
-    few: Innovations
     given: int
     simulated: int
     trials: int
@@ -93,19 +90,15 @@ class Together:
                 drawn.append(np.zeros((len(sources), 0)))
         states = np.concatenate([np.zeros(0, dtype=np.int64), *(offset.states for offset in record.offsets)])
         responses = respond_freely(record, np.eye(len(record.mean))[:, states])
-        records = [without_corrections(record, beside([given, simulated])), *alone]
-        apart = StartApart.of(record, beside([*records, responses]), sources)
-        first, count = len(given) + len(simulated), sum(len(each) for each in records)
-        shifts, at = [apart.shifts[:, :first]], first
+        records = [without_corrections(record, given), without_corrections(record, simulated), *alone]
+        apart = StartApart.of(record, [responses, *records], sources)
+        offsets, first = len(responses), len(given) + len(simulated)
+        shifts, at = [apart.shifts[:, offsets : offsets + first]], offsets + first
         for units in drawn:
             shifts.append(units if units.shape[1] else apart.shifts[:, at : at + trials])
             at += 0 if units.shape[1] else trials
-        few = Innovations(
-            tuple(np.delete(each, np.s_[count : count + len(responses)], axis=1) for each in apart.columns.values),
-            responses.errors,
-        )
-        shifts.append(apart.shifts[:, count:])
-        return cls(record, apart, few, len(given), len(simulated), trials, np.concatenate(shifts, axis=1))
+        shifts.append(apart.shifts[:, :offsets])
+        return cls(record, apart, len(given), len(simulated), trials, np.concatenate(shifts, axis=1))
 
     @cached_property
     def base(self) -> Squares:
@@ -115,17 +108,17 @@ class Together:
     @cached_property
     def _start(self) -> _Summed:
         """Sums with the campaign's own sizes, the responses to constant errors among them."""
-        (sums,) = self._summed(self.apart.columns, [{}])
+        (sums,) = self._summed([{}], self._places[-1])
         return sums
 
     @cached_property
     def _of_offsets(self) -> tuple[Array, Array]:
         """Products of the responses to constant errors with all records, and their own, shapes (o, n + j p), (o, o)."""
-        sums, last = self._start, self._places[-1]
+        sums, sources = self._start, len(self.shifts)
         estimates, misfits, _ = self._solved(sums, {})
-        records = self._spread(sums.products[:last, : len(sums.squares)])
+        records = self._spread(sums.products[sources:, : len(sums.squares)])
         count = records.shape[1]
-        both = np.concatenate([records, sums.information[:last, :last]], axis=1)
+        both = np.concatenate([records, sums.information[sources:, sources:]], axis=1)
         both += estimates[:, count:].T @ estimates - misfits[:, count:].T @ misfits
         return both[:, :count], both[:, count:]
 
@@ -167,9 +160,8 @@ class Together:
             if begin == TOGETHER:
                 tell((time.perf_counter() - began) * len(places) / TOGETHER)
             some = places[begin : begin + TOGETHER]
-            for at, sums in zip(
-                some, self._summed(self.few, [{cause: GRID[place]} for cause, place in some]), strict=True
-            ):
+            passed = self._summed([{cause: GRID[place]} for cause, place in some])
+            for at, sums in zip(some, passed, strict=True):
                 compare(*at, self._closed(sums, {}))
         offsets = [self._of_offset(np.arange(*ends)) for ends in pairwise(self._places)]
         return (
@@ -202,13 +194,16 @@ class Together:
         own = sums.own[self.given : self.given + self.trials]
         return np.asarray(own + 2.0 * extra * sums.pairs[:, None] + extra**2 * sums.added[:, None])
 
-    def _summed(self, columns: Innovations, factors: list[dict[int, float]]) -> list[_Summed]:
-        """Whiten columns with sets of sizes, and sum."""
-        first, p = self.given + self.simulated, self.trials
-        causes = len(self._passing)
-        result = [_Summed.empty(first, causes, p, len(columns) - first - causes * p) for _ in factors]
+    def _summed(self, factors: list[dict[int, float]], offsets: int = 0) -> list[_Summed]:
+        """Whiten records with sets of sizes, and sum; so many responses to constant errors as well, all or none."""
+        first, causes, left_out = self.given + self.simulated, len(self._passing), self._places[-1] - offsets
+        values = tuple(each[:, left_out:] for each in self.apart.columns.values)
+        responses = offsets + len(self.shifts)
+        result = [_Summed.empty(first, causes, self.trials, responses) for _ in factors]
+        columns = Innovations(values, self.apart.columns.errors)
         for number, whitened, log_determinant in whiten_many(self.apart.moving, columns, factors):
-            result[number].add(whitened, log_determinant, self.given)
+            behind = np.roll(whitened, -offsets, axis=1) if offsets else whitened
+            result[number].add(behind, log_determinant, self.given)
         return result
 
     def _spread(self, columns: Array) -> Array:
@@ -220,12 +215,11 @@ class Together:
 
     def _solved(self, sums: _Summed, sizes: Mapping[int, float]) -> tuple[Array, Array, float]:
         """Return u0 / d and h of all records and responses, and what log det S grows by (`StartApart`)."""
-        offsets, count = len(sums.products) - len(self.shifts), len(sums.squares)
-        records = self._spread(sums.products[offsets:, :count])
-        information = sums.information[offsets:]
-        products = np.concatenate([records, information[:, :offsets]], axis=1)
+        sources, count = len(self.shifts), len(sums.squares)
+        records, information = self._spread(sums.products[:sources, :count]), sums.information[:sources]
+        products = np.concatenate([records, information[:, sources:]], axis=1)
         (estimates,), (misfits,), (grown,) = StartApart.closed(
-            information[:, offsets:], products, self.shifts[:, : products.shape[1]], self.apart.scales([sizes])
+            information[:, :sources], products, self.shifts[:, : products.shape[1]], self.apart.scales([sizes])
         )
         return estimates, misfits, float(grown)
 

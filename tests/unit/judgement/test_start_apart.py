@@ -60,7 +60,7 @@ def test_likelihoods_are_those_of_a_filter_with_all_errors(
     """Sizes at the start 30 times as large and as small, and those of processes; causes that correlate stay states."""
     record = own if pair is None else correlated(own, *pair)
     measured = without_corrections(record, simulate(record, 3, np.random.default_rng(0)))
-    apart = StartApart.of(record, measured, start_alone(record))
+    apart = StartApart.of(record, [measured], start_alone(record))
     assert len(apart.causes) == apart_causes
     for factors in ({}, *({cause: factor} for cause in range(len(record.causes)) for factor in (1.0 / 30.0, 30.0))):
         (expected,) = log_likelihood(record, measured, [factors])
