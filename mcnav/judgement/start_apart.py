@@ -65,7 +65,7 @@ class StartApart:
         sums = np.zeros((size, count + size))
         for _, whitened, _ in whiten_many(moving, columns, [{}]):
             sums += whitened[:, count:].T @ whitened
-        shifts = np.linalg.solve(np.eye(size) + sums[:, count:], sums[:, :count])
+        shifts = np.asarray(np.linalg.solve(np.eye(size) + sums[:, count:], sums[:, :count]), dtype=np.float64)
         for value in columns.values:
             value[:, :count] -= value[:, count:] @ shifts
         return cls(record, moving, columns, shifts, sources)

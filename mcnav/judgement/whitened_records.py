@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Final
 
 import numpy as np
@@ -125,7 +125,7 @@ class Together:
     @cached_property
     def _places(self) -> list[int]:
         """Ends of the offsets among the responses."""
-        return np.cumsum([0, *(len(offset.states) for offset in self.record.offsets)]).tolist()
+        return list(accumulate((len(offset.states) for offset in self.record.offsets), initial=0))
 
     @cached_property
     def _passing(self) -> list[int]:
