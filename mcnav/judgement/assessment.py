@@ -115,9 +115,8 @@ def assess(
     generator = np.random.default_rng(seed)
     own = less_mean(record, given)
     simulated = simulate(record, count, generator)
-    alone = [simulate(record, trials, generator, cause) for cause in range(len(record.causes))]
-    together = Together.of(without_mean(record), own, simulated, alone)
     direct, names = _of_filter(record, beside([own, simulated]))
+    together = Together.of(without_mean(record), own, simulated, trials, generator)
     gains, in_power = together.gains(tell)
     centres = np.median(direct[:, len(own) :], axis=1)
     scores = np.concatenate([np.abs(direct - centres[:, None]), np.sqrt(2.0 * gains)])

@@ -78,6 +78,9 @@ class OffsetVerdict:
     ----------
     beside_arm : tuple of float, optional
         Of a delay, the estimate and its sigma with the lever arm free as well.
+    too_long : bool
+        Of a delay, whether a campaign with it is at odds with the record: innovations are not linear in it. The record
+        with its stamps moved back is not at odds.
     """
 
     name: str
@@ -91,6 +94,7 @@ class OffsetVerdict:
     gain: float
     noticed: tuple[float, ...]
     beside_arm: tuple[float, float] | None = None
+    too_long: bool = False
 
     @property
     def seen(self) -> tuple[bool, ...]:
@@ -182,6 +186,13 @@ class Changes:
         """Multiply a size."""
         return replace(self, sizes={**self.sizes, number: factor})
 
+    def with_delays_in(self, record: FilteredRecord) -> Changes:
+        """Return the changes of a record with its stamps as they were: delays are constant errors, to first order."""
+        errors = dict(self.errors)
+        for sensor, (start, _) in self.delays.items():
+            errors[sensor + DELAY] = errors.get(sensor + DELAY, np.zeros(1)) + start
+        return Changes(record, {}, errors, self.sizes)
+
     def left(self, simulated: int, seed: int) -> float:
         """Return the probability of a record as unusual as this one with everything changed."""
         record = self.changed
@@ -218,7 +229,17 @@ def find_numbers(
         findings.append(Finding(number, rivals, changes.left(*settings)))
         if findings[-1].left > LEVEL:
             break
+    if findings and findings[-1].left > LEVEL and any(finding.number.name.endswith(DELAY) for finding in findings):
+        too_long = changes.with_delays_in(record).left(*settings) <= LEVEL
+        findings = [_marked(finding, too_long) for finding in findings]
     return tuple(findings), changes
+
+
+def _marked(finding: Finding, too_long: bool) -> Finding:
+    number = finding.number
+    if not isinstance(number, OffsetVerdict) or not number.name.endswith(DELAY):
+        return finding
+    return replace(finding, number=replace(number, too_long=too_long))
 
 
 def find_first(record: FilteredRecord, again: Again | None) -> tuple[Finding, Changes] | None:

@@ -20,16 +20,17 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from mcnav.arrays.products import innovation_covariance, transform
-from mcnav.arrays.types import Array, IndexArray
-from mcnav.contract.recorded import FilteredRecord
+from mcnav.arrays.types import Array
+from mcnav.contract.recorded import FilteredRecord, Stage
 from mcnav.judgement.simulation import Innovations
 
-DROP: Final = 1.920729410347062
-"""Fall of the log-likelihood at the ends of a 95 % interval: half the 95 % point of chi-square of one degree."""
+AT_ONCE: Final = 4
+"""Stages of which the innovations of many records are whitened at once; with 15 states and 6 components, few products.
+"""
 
 
 def without_corrections(record: FilteredRecord, innovations: Innovations) -> Innovations:
-    """Return the innovations that R records would have without the corrections that the filter made.
+    """Return the measurements that R records would have without the corrections that the filter made.
 
     With the correction c of the errors s, which obeys c <- F c - [B a; 0] and c <- c - [K nu; 0], they are
     nu - (H c - E a): measurements of errors that no filter touches.
@@ -45,7 +46,41 @@ def without_corrections(record: FilteredRecord, innovations: Innovations) -> Inn
         values.append(innovation - (stage.response @ corrections - stage.own_response @ estimates))
         corrections[:9] -= stage.gain[:9] @ innovation
         estimates = estimates + stage.gain[9:] @ innovation
-    return Innovations(tuple(values), innovations.errors)
+    return Innovations(tuple(values), np.zeros((0, 9, len(innovations))))
+
+
+class Whitening:
+    """The covariances of the filter that judges, with each of f sets of sizes, on its way through the stages."""
+
+    def __init__(self, record: FilteredRecord, factors: Sequence[Mapping[int, float]]) -> None:
+        scale = np.ones((len(factors), len(record.causes) + 1))  # the last column is that of no cause, -1
+        for row, sizes in zip(scale, factors, strict=True):
+            row[list(sizes)] = list(sizes.values())
+        initial = scale[:, record.initial_causes]
+        self.covariance = transform(record.to_states, record.initial * initial[:, :, None] * initial[:, None, :])
+        self.squared = scale[:, :, None, None] ** 2
+
+    def through(self, stage: Stage, mean: Array, innovation: Array) -> tuple[Array, Array, Array]:
+        """Take means, (f, e, R), through a stage; return them, whitened innovations, (f, c, R), and log det S, (f,)."""
+        covariance, squared = self.covariance, self.squared
+        if stage.transition is not None:
+            mean = stage.transition @ mean
+            covariance = self.covariance = transform(stage.transition, covariance)
+            for part in stage.processes:
+                covariance[:, *part.block] += part.covariance * squared[:, part.cause]
+        cross, total = innovation_covariance(covariance, stage.response)
+        for part in stage.noise:
+            total[:, *part.block] += part.covariance * squared[:, part.cause]
+        try:
+            root = np.linalg.cholesky(total)
+        except LinAlgError:
+            raise LinAlgError(f"the covariance of an innovation lost its definiteness at {stage.time:.6g} s") from None
+        inverse = np.linalg.inv(root)
+        whitened = inverse @ (innovation - stage.response @ mean)
+        half = inverse @ cross  # S^-1/2 H P
+        back = np.swapaxes(half, -1, -2)
+        covariance -= back @ half
+        return mean + back @ whitened, whitened, 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
 
 
 def whiten(
@@ -65,33 +100,46 @@ def whiten(
     tuple of ndarray
         Whitened innovations, shape (f, c, R), and log det S, shape (f,).
     """
-    scale = np.ones((len(factors), len(record.causes) + 1))  # the last column is that of no cause, -1
-    for row, sizes in zip(scale, factors, strict=True):
-        row[list(sizes)] = list(sizes.values())
-    initial = scale[:, record.initial_causes]
-    covariance = transform(record.to_states, record.initial * initial[:, :, None] * initial[:, None, :])
-    mean = np.broadcast_to(record.mean[None, :, None], (len(factors), len(record.mean), len(measured))).copy()
-    squared = scale[:, :, None, None] ** 2
+    filters = Whitening(record, factors)
+    mean = np.broadcast_to(record.mean[None, :, None], (len(factors), len(record.mean), len(measured)))
     for stage, innovation in zip(record.stages, measured.values, strict=True):
-        if stage.transition is not None:
-            mean = stage.transition @ mean
-            covariance = transform(stage.transition, covariance)
-            for part in stage.processes:
-                covariance[:, *part.block] += part.covariance * squared[:, part.cause]
-        cross, total = innovation_covariance(covariance, stage.response)
-        for part in stage.noise:
-            total[:, *part.block] += part.covariance * squared[:, part.cause]
-        try:
-            root = np.linalg.cholesky(total)
-        except LinAlgError:
-            raise LinAlgError(f"the covariance of an innovation lost its definiteness at {stage.time:.6g} s") from None
-        inverse = np.linalg.inv(root)
-        whitened = inverse @ (innovation - stage.response @ mean)
-        half = inverse @ cross  # S^-1/2 H P
-        back = np.swapaxes(half, -1, -2)
-        mean += back @ whitened
-        covariance -= back @ half
-        yield whitened, 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
+        mean, whitened, log_determinants = filters.through(stage, mean, innovation)
+        yield whitened, log_determinants
+
+
+def whiten_many(
+    record: FilteredRecord, measured: Innovations, factors: Sequence[Mapping[int, float]]
+) -> Iterator[tuple[int, Array, float]]:
+    """Whiten the innovations of many records of mean zero, some stages at once, with each of f sets of sizes.
+
+    The whitened innovations of k stages and the mean behind them are linear in the mean before and the innovations: one
+    matrix for all records, which is what the filter makes of unit columns.
+
+    Yields
+    ------
+    tuple of int, ndarray, float
+        Number of the set; whitened innovations of some stages, shape (c, R), until the next is asked for; log det S.
+    """
+    filters, size = Whitening(record, factors), len(record.mean)
+    means = np.zeros((len(factors), size, len(measured)))
+    for begin in range(0, len(record.stages), AT_ONCE):
+        stages = record.stages[begin : begin + AT_ONCE]
+        inputs = np.concatenate([means[0], *measured.values[begin : begin + AT_ONCE]])
+        units, rows, at = np.eye(len(inputs)), list[Array](), size
+        mean, grown = np.broadcast_to(units[:size], (len(factors), size, len(units))), np.zeros(len(factors))
+        for stage in stages:
+            innovation = units[at : at + len(stage.response)]
+            mean, whitened, log_determinants = filters.through(stage, mean, innovation)
+            rows.append(whitened)
+            grown += log_determinants
+            at += len(innovation)
+        maps = np.concatenate([mean, *rows], axis=1)
+        outputs = np.empty_like(inputs)
+        for number, growth in enumerate(grown.tolist()):
+            inputs[:size] = means[number]
+            np.matmul(maps[number], inputs, out=outputs)
+            means[number] = outputs[:size]
+            yield number, outputs[size:], growth
 
 
 def respond_freely(record: FilteredRecord, start: Array) -> Innovations:
@@ -106,43 +154,6 @@ def respond_freely(record: FilteredRecord, start: Array) -> Innovations:
 def without_mean(record: FilteredRecord) -> FilteredRecord:
     """Return the record of errors of mean zero."""
     return replace(record, mean=np.zeros_like(record.mean))
-
-
-def at_start_alone(record: FilteredRecord) -> frozenset[int]:
-    """Return the causes that are errors at the start, and no process and no noise besides."""
-    acting = {part.cause for stage in record.stages for part in (*stage.processes, *stage.noise)}
-    return frozenset(record.initial_causes.tolist()) - acting - {-1}
-
-
-def sources_at_start(record: FilteredRecord) -> tuple[Array, Array, IndexArray]:
-    """Return errors of one sigma of each source at the start, (e, m), their correlations, (m, m), and causes, (m,)."""
-    sigmas = np.sqrt(np.diag(record.initial))
-    kept = np.flatnonzero(sigmas > 0.0)
-    correlations = record.initial[np.ix_(kept, kept)] / np.outer(sigmas[kept], sigmas[kept])
-    return record.to_states[:, kept] * sigmas[kept], correlations, record.initial_causes[kept]
-
-
-def rescale_start(information: Array, correlations: Array, scales: Array) -> tuple[Array, Array]:
-    """Return what other sizes of errors at the start change in products of whitened records.
-
-    With their whitened responses W, of one sigma, M = W^T W and the change D of their covariance, products u^T v become
-    u^T v - u^T W K W^T v with K = D (I + M D)^-1, and log det S grows by log det (I + M D).
-
-    Parameters
-    ----------
-    information, correlations : ndarray, shape (m, m)
-        M, and the covariance in units of the sigmas.
-    scales : ndarray, shape (f, m)
-        Of each source, in each of f sets.
-
-    Returns
-    -------
-    tuple of ndarray, shapes (f, m, m) and (f,)
-        K, and what log det S grows by.
-    """
-    change = correlations * (scales[:, :, None] * scales[:, None, :] - 1.0)
-    inner = np.eye(len(information)) + information @ change
-    return np.asarray(change @ np.linalg.inv(inner)), np.asarray(np.linalg.slogdet(inner)[1])
 
 
 def log_likelihood(record: FilteredRecord, measured: Innovations, factors: Sequence[Mapping[int, float]]) -> Array:

@@ -6,7 +6,7 @@ gives it for every choice of errors that are free ::
 
     log L = -1/2 (z.z - (W^T z)^T (W^T W)^-1 W^T z + sum log det S)
 
-Sizes of errors at the start alone need no pass of their own (`rescale_start`).
+Sizes of errors at the start alone need no pass of their own (`StartApart`).
 """
 
 from __future__ import annotations
@@ -18,21 +18,13 @@ from typing import Final
 
 import numpy as np
 
-from mcnav.arrays.products import transform
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.recorded import FilteredRecord
-from mcnav.judgement.likelihood import (
-    at_start_alone,
-    rescale_start,
-    respond_freely,
-    sources_at_start,
-    whiten,
-    without_corrections,
-    without_mean,
-)
+from mcnav.judgement.likelihood import respond_freely, whiten, without_corrections, without_mean
 from mcnav.judgement.profile import Factor, Profile, Sums, merged
-from mcnav.judgement.reduction import present, with_causes, without_idle
-from mcnav.judgement.simulation import Innovations, beside, recorded
+from mcnav.judgement.reduction import present, with_causes
+from mcnav.judgement.simulation import Innovations, recorded
+from mcnav.judgement.start_apart import StartApart, start_alone, without_start
 
 PRESENT: Final = np.geomspace(1.0 / 30.0, 30.0, 9)
 """Factors of a size that the campaign has."""
@@ -126,7 +118,7 @@ class Scan:
     @cached_property
     def base(self) -> Sums:
         """With the campaign's sizes."""
-        return self._with_start.part(np.arange(len(self._errors)))
+        return self._closed(self._start, [{}])
 
     @cached_property
     def _errors(self) -> IndexArray:
@@ -134,24 +126,21 @@ class Scan:
         return np.concatenate([NOTHING, *(offset.states for offset in self.record.offsets)])
 
     @cached_property
-    def _own(self) -> FilteredRecord:
-        """The record of the campaign alone, of mean zero."""
-        return without_mean(with_causes(self.record, present(self.record)))
-
-    @cached_property
-    def _moving(self) -> FilteredRecord:
-        """The record of the campaign alone without the errors that stay zero."""
-        return without_idle(self._own)
+    def _apart(self) -> StartApart:
+        """The record of the campaign alone without errors at the start alone."""
+        own = without_mean(with_causes(self.record, present(self.record)))
+        return StartApart.of(own, [self._measured], start_alone(own))
 
     @cached_property
     def _missing(self) -> Mapping[int, tuple[int, FilteredRecord]]:
         """Each process that the campaign does not have: its number in the record of the campaign with it, and this."""
         numbers = [number for number, cause in enumerate(self.record.causes) if cause.absent]
         records = {number: sorted({*present(self.record), number}) for number in numbers}
-        plain = without_mean(self.record)
-        return {
-            number: (kept.index(number), without_idle(with_causes(plain, kept))) for number, kept in records.items()
-        }
+        plain, result = without_mean(self.record), {}
+        for number, kept in records.items():
+            record = with_causes(plain, kept)
+            result[number] = kept.index(number), without_start(record, start_alone(record))
+        return result
 
     @cached_property
     def _measured(self) -> Innovations:
@@ -167,18 +156,19 @@ class Scan:
         return Innovations(values, responses.errors)
 
     @cached_property
-    def _with_start(self) -> Sums:
-        """With the campaign's sizes; the errors at the start are beside the free ones."""
-        started = respond_freely(self._own, sources_at_start(self._own)[0])
-        return self._summed(self._moving, beside([self._measured, started]), [{}])
+    def _start(self) -> tuple[Array, Array]:
+        """Sums of all columns with the campaign's sizes, and log det S."""
+        return self._summed(self._apart.moving, [{}])
 
     def _profiles(self, factors: Mapping[int, Array]) -> dict[int, Profile]:
         """Compute the sums with one size multiplied by factors, of each of some causes."""
-        kept = list(present(self.record))
-        at_start = {kept[number] for number in at_start_alone(self._own)}
+        kept, apart = list(present(self.record)), self._apart
+        at_start = {number for number in factors if number in kept and kept.index(number) in apart.causes}
         passing = [number for number in factors if number in kept and number not in at_start]
-        result = {number: self._of_start(kept.index(number), factors[number]) for number in at_start & factors.keys()}
-        result |= self._whitened(self._moving, {kept.index(number): factors[number] for number in passing}, passing)
+        result = self._whitened(apart.moving, {kept.index(number): factors[number] for number in passing}, passing)
+        for number in at_start:
+            sets = [{kept.index(number): float(factor)} for factor in factors[number]]
+            result[number] = Profile(factors[number], self._closed(self._start, sets))
         for number in factors.keys() - {*kept}:
             cause, record = self._missing[number]
             result |= self._whitened(record, {cause: factors[number]}, [number])
@@ -191,39 +181,34 @@ class Scan:
         sets = [{cause: float(factor)} for cause, values in factors.items() for factor in values]
         if not sets:
             return {}
-        sums, at, result = self._summed(record, self._measured, sets), 0, {}
+        sums, at, result = self._closed(self._summed(record, sets), [{} for _ in sets]), 0, {}
         for number, values in zip(numbers, factors.values(), strict=True):
             result[number] = Profile(np.asarray(values, dtype=float), sums.chosen(np.arange(at, at + len(values))))
             at += len(values)
         return result
 
-    def _of_start(self, cause: int, factors: Array) -> Profile:
-        """Compute the profile of a size of errors at the start from the sums with the campaign's sizes."""
-        _, correlations, causes = sources_at_start(self._own)
-        sums, count = self._with_start, len(self._errors)
-        scales = np.where(causes == cause, factors[:, None], 1.0)
-        kernel, grown = rescale_start(sums.information[0, count:, count:], correlations, scales)
-        products, cross = sums.products[0, count:], sums.information[0, count:, :count]
-        return Profile(factors, Sums(
-            sums.totals - np.einsum("a,fab,b->f", products, kernel, products) + grown,
-            sums.products[:, :count] - np.einsum("ac,fab,b->fc", cross, kernel, products),
-            sums.information[:, :count, :count] - transform(np.swapaxes(cross, -1, -2), kernel),
-        ))  # fmt: skip
+    def _closed(self, sums: tuple[Array, Array], sets: Sequence[Mapping[int, float]]) -> Sums:
+        """Return sums with sizes of errors at the start besides those of the pass."""
+        (products, log_determinants), shifts = sums, self._apart.shifts
+        count = shifts.shape[1]
+        estimates, misfits, grown = StartApart.closed(
+            products[:, count:, count:], products[:, count:, :count], shifts, self._apart.scales(sets)
+        )
+        whole = products[:, :count, :count] + np.swapaxes(estimates, -1, -2) @ estimates
+        whole = whole - np.swapaxes(misfits, -1, -2) @ misfits
+        return Sums(log_determinants + grown + whole[:, 0, 0], whole[:, 1:, 0], whole[:, 1:, 1:])
 
     def _refined(self, profiles: Mapping[int, Profile], factors: Mapping[int, Array]) -> dict[int, Profile]:
         finer = self._profiles({number: values for number, values in factors.items() if len(values)})
         return {number: merged(profile, finer.get(number)) for number, profile in profiles.items()}
 
-    def _summed(self, record: FilteredRecord, columns: Innovations, sets: Sequence[Mapping[int, float]]) -> Sums:
-        """Whiten the first column and the others, the responses, with each set of sizes, and sum."""
-        totals, matrices = [], []
+    def _summed(self, record: FilteredRecord, sets: Sequence[Mapping[int, float]]) -> tuple[Array, Array]:
+        """Whiten all columns with each set of sizes; return their products, (f, k, k), and log det S, (f,)."""
+        columns = self._apart.columns
+        matrices, determinants = np.zeros((len(sets), len(columns), len(columns))), np.zeros(len(sets))
         for begin in range(0, len(sets), BATCH):
-            some = sets[begin : begin + BATCH]
-            total, matrix = np.zeros(len(some)), np.zeros((len(some), len(columns), len(columns)))
-            for whitened, log_determinants in whiten(record, columns, some):
-                total += log_determinants
-                matrix += np.swapaxes(whitened, -1, -2) @ whitened
-            totals.append(total + matrix[:, 0, 0])
-            matrices.append(matrix)
-        grids = np.concatenate(matrices)
-        return Sums(np.concatenate(totals), grids[:, 1:, 0], grids[:, 1:, 1:])
+            some = slice(begin, begin + BATCH)
+            for whitened, log_determinants in whiten(record, columns, sets[some]):
+                determinants[some] += log_determinants
+                matrices[some] += np.swapaxes(whitened, -1, -2) @ whitened
+        return matrices, determinants

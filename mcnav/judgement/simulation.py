@@ -55,31 +55,40 @@ def recorded(record: FilteredRecord) -> Innovations:
     return Innovations(values, np.array(errors).reshape(-1, 9, 1))
 
 
-def simulate(
-    record: FilteredRecord, count: int, generator: np.random.Generator, cause: int | None = None
-) -> Innovations:
-    """Simulate records without the mean of the errors.
+def simulate(record: FilteredRecord, count: int, generator: np.random.Generator) -> Innovations:
+    """Simulate records without the mean of the errors."""
+    start = record.to_states @ semidefinite_root(record.initial) @ generator.standard_normal((len(record.mean), count))
+    return _propagate(record, start, _drawn(count, generator), generator)
 
-    Parameters
-    ----------
-    cause : int, optional
-        The only one that there is; by default there are all.
-    """
-    wanted = (record.initial_causes == cause) if cause is not None else np.ones(len(record.initial), dtype=bool)
+
+def simulate_alone(record: FilteredRecord, count: int, generator: np.random.Generator, cause: int) -> Innovations:
+    """Simulate measurements of one cause alone, without the corrections of the filter."""
+    wanted = record.initial_causes == cause
     covariance = np.where(np.outer(wanted, wanted), record.initial, 0.0)
-    start = record.to_states @ semidefinite_root(covariance) @ generator.standard_normal((len(covariance), count))
+    errors = record.to_states @ semidefinite_root(covariance) @ generator.standard_normal((len(covariance), count))
+    drawn, values = _drawn(count, generator, cause), []
+    for stage in record.stages:
+        if stage.transition is not None:
+            errors = stage.transition @ errors + drawn(len(errors), stage.processes)
+        values.append(stage.response @ errors + drawn(len(stage.response), stage.noise))
+    return Innovations(tuple(values), np.zeros((0, 9, count)))
+
+
+def _drawn(count: int, generator: np.random.Generator, cause: int | None = None) -> Drawn:
+    """Return what draws the noise of all causes, or of one."""
 
     def drawn(size: int, parts: tuple[Part, ...]) -> Array:
-        total, some = np.zeros((size, size)), False
-        for part in parts:
-            if cause in (None, part.cause):
-                total[np.ix_(part.places, part.places)] += part.covariance
-                some = True
-        if not some:
-            return np.zeros((size, count))
-        return np.asarray(semidefinite_root(total) @ generator.standard_normal((size, count)))
+        total, result = np.zeros((size, size)), np.zeros((size, count))
+        chosen = [part for part in parts if cause in (None, part.cause)]
+        for part in chosen:
+            total[part.block] += part.covariance
+        if chosen:
+            places = np.unique(np.concatenate([part.places for part in chosen]))
+            root = semidefinite_root(total[np.ix_(places, places)])
+            result[places] = root @ generator.standard_normal((size, count))[places]
+        return result
 
-    return _propagate(record, start, drawn, generator if cause is None else None)
+    return drawn
 
 
 def respond(record: FilteredRecord, start: Array) -> Innovations:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -36,7 +37,7 @@ class SensorStatistics:
         """Mean normalized innovation squared over the number of components, shape (R,)."""
         return np.asarray(np.mean(self.whitened**2, axis=(0, 1)))
 
-    @property
+    @cached_property
     def autocorrelations(self) -> Array:
         """Autocorrelations of the whitened innovations at lags 1, 2, ..., all components together, shape (l, R)."""
         count = len(self.times)
@@ -68,12 +69,12 @@ def sensor_statistics(record: FilteredRecord, innovations: Innovations) -> tuple
     result = []
     for number in range(len(record.sensors)):
         rows = [n for n, stage in enumerate(record.stages) if stage.sensor == number]
-        whitened = [
-            solve_triangular(np.linalg.cholesky(record.stages[n].covariance), innovations.values[n], lower=True)
-            for n in rows
-        ]
+        whitened = np.empty((len(rows), *innovations.values[rows[0]].shape))
+        for place, n in enumerate(rows):
+            root = np.linalg.cholesky(record.stages[n].covariance)
+            whitened[place] = solve_triangular(root, innovations.values[n], lower=True)
         times = np.array([record.stages[n].time for n in rows])
-        result.append(SensorStatistics(times, np.array(whitened)))
+        result.append(SensorStatistics(times, whitened))
     return tuple(result)
 
 

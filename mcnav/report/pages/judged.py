@@ -131,6 +131,22 @@ def _delay_words(number_: OffsetVerdict, scale: float) -> str:
     return f"the {sensor} measurements are early, or the readings late: they were taken {size} after their stamps"
 
 
+def _moves(judgement: Judgement) -> list[str]:
+    """Say how stamps are moved where a delay is too long for a campaign."""
+    result = []
+    for number_ in (finding.number for finding in judgement.findings):
+        if isinstance(number_, OffsetVerdict) and number_.too_long:
+            scale, late = conversion(number_.unit, number_.shown_in), number_.estimate[0] >= 0.0
+            size = f"{number(abs(number_.estimate[0]) * scale, 4)} {number_.shown_in}"
+            sensor = humanize(number_.name.removesuffix(DELAY))
+            what = f"Subtract {size} from" if late else f"Add {size} to"
+            result.append(
+                f"{what} the {sensor} stamps: this delay is too long for a campaign, because the innovations are not "
+                "linear in it."
+            )
+    return result
+
+
 def _clock_words(number_: OffsetVerdict, scale: float) -> str:
     """Say how fast the clock of a sensor runs, and how its stamps are corrected."""
     rate, error = number_.estimate[0], 1.959964 * number_.sigma[0]
@@ -174,6 +190,7 @@ def verdict(judgement: Judgement) -> Verdict:
     first = judgement.findings[0]
     sentences = [f"{_capital(compared)}."]
     sentences += [f"Besides, {words(finding)}." for finding in judgement.findings[1:]]
+    sentences += _moves(judgement)
     sentences.append(_left(judgement.findings[-1], len(judgement.findings), judgement.simulated))
     if judgement.findings[-1].left <= LEVEL:
         sentences += correlated(judgement)
@@ -352,9 +369,9 @@ def offset_table(judgement: Judgement) -> Table[tuple[OffsetVerdict, int]] | Non
 def to_paste(judgement: Judgement) -> str:
     """Return the entries of the campaign that change, as TOML in which each table stands once; empty for none.
 
-    Nothing is to be changed where what is named does not explain the record, or a clock has to be corrected first.
+    Nothing is to be changed where what is named does not explain the record, or stamps have to be corrected first.
     """
-    if not judgement.explained or any(finding.number.name.endswith(CLOCK) for finding in judgement.findings):
+    if not judgement.explained or any(_of_stamps(finding.number) for finding in judgement.findings):
         return ""
     tables: dict[str, list[str]] = {}
     for finding in judgement.findings:
@@ -368,6 +385,11 @@ def to_paste(judgement: Judgement) -> str:
             entries[:] = [entry for entry in entries if not entry.startswith(f"{measured} = ")]
             entries.append(f"{measured} = {changed}")
     return "\n\n".join("\n".join([header, *entries]) for header, entries in tables.items())
+
+
+def _of_stamps(number_: CauseVerdict | OffsetVerdict) -> bool:
+    """Return whether stamps have to be corrected, and not the campaign."""
+    return isinstance(number_, OffsetVerdict) and (number_.name.endswith(CLOCK) or number_.too_long)
 
 
 def _new_value(number_: CauseVerdict | OffsetVerdict) -> str:

@@ -121,7 +121,7 @@ def test_false_alarms_are_as_stated() -> None:
 def test_the_number_that_is_wrong_is_named() -> None:
     """With noise twice as large the noise is named, with steps of the walk three times as large the walk.
 
-    Its time is told once, after the first of four parts.
+    Its time is told once, after the first of two parts.
     """
     record = scalar_record(100, 0.618033989, believed=2.618033989)
     for cause, (q, r) in enumerate([(9.0, 1.0), (1.0, 4.0)]):

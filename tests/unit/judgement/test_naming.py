@@ -14,6 +14,8 @@ from mcnav.judgement.profile import DROP
 from mcnav.judgement.reduction import present, with_causes, with_size, without_idle
 from mcnav.judgement.scan import Scan
 from mcnav.judgement.simulation import recorded, simulate
+from mcnav.judgement.verdict import judge
+from mcnav.report.pages.judged import to_paste, verdict
 from tests.calibration.named_trials import afterwards, filtered, holds, recording_of
 from tests.calibration.own_records import WRONG, Flown, fly, motion
 from tests.recorded_flights import scalar_record
@@ -36,6 +38,28 @@ def test_the_wrong_thing_is_named_and_pasted_nothing_is_left(name: str) -> None:
     assert expected in {number.name for number in finding.alternatives}
     assert any(holds(number, flown) for number in finding.alternatives)
     assert afterwards(recording, finding) > LEVEL
+
+
+@pytest.mark.parametrize(("late", "too_long"), [(0.11, False), (0.4, True)])
+def test_a_delay_that_no_campaign_can_have_is_corrected_in_the_stamps(late: float, too_long: bool) -> None:
+    """Of a longer delay nothing is pasted, and what is printed instead leaves nothing.
+
+    At 0.4 s a campaign with the delay had none of the simulated records as unusual.
+    """
+    recording = recording_of(fly(8001, Flown(late=late)))
+    judgement = judge(filtered(recording), 300, 50, 0, again=lambda delays: filtered(recording, delays))
+    (finding,) = judgement.findings
+    assert isinstance(finding.number, OffsetVerdict)
+    assert (finding.number.name, finding.number.too_long) == ("gnss_delay", too_long)
+    assert (to_paste(judgement) == "") == too_long
+    sentences = " ".join(verdict(judgement).sentences)
+    assert ("Subtract" in sentences) == too_long
+    if not too_long:
+        assert afterwards(recording, finding) > LEVEL
+        return
+    printed = float(sentences.split("Subtract ")[1].split(" ms")[0]) / 1e3
+    record = filtered(recording, {"gnss": (printed, 0.0)})
+    assert judge(record, 300, 50).probability > LEVEL
 
 
 def test_a_late_receiver_is_no_arm_and_no_noise() -> None:
