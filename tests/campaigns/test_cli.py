@@ -102,9 +102,7 @@ def test_a_command_uses_one_thread_unless_told_otherwise() -> None:
 
 
 AIDED = ROOT / "campaigns" / "19_flight_with_gnss.toml"
-SLOW_IMPORTS = {"pandas", "pint", "matplotlib", "dask", "distributed"}
-WITHOUT_SAMPLES = {*SLOW_IMPORTS, "scipy.stats", "filterpy"}
-"""And what unscented sigmas need."""
+SLOW_IMPORTS = {"pandas", "pint", "matplotlib", "dask", "distributed", "scipy.stats", "filterpy"}
 RUN = ("run", "--samples", 100)
 STORED = ROOT / "reports" / "examples" / "01_tn_d1772_trajectory_4"
 
@@ -113,14 +111,14 @@ STORED = ROOT / "reports" / "examples" / "01_tn_d1772_trajectory_4"
     "calls",
     [
         [
-            (("lincov", campaign, "--out", campaign.stem), {*WITHOUT_SAMPLES, "joblib", "mcnav.analysis.summary"})
+            (("lincov", campaign, "--out", campaign.stem), {*SLOW_IMPORTS, "joblib", "mcnav.analysis.summary"})
             for campaign in (DEMO, AIDED)
         ],
         [
             ((*RUN, DEMO, "--out", "first", "--no-report"), {*SLOW_IMPORTS, "mcnav.report.pages.run.page"}),
             (("report", "first"), SLOW_IMPORTS), ((*RUN, AIDED, "--out", "aided"), SLOW_IMPORTS),
         ],
-        [(("show", STORED), {*WITHOUT_SAMPLES, "scipy.special", "scipy.linalg", "pyarrow", "numba", "joblib"})],
+        [(("show", STORED), {*SLOW_IMPORTS, "scipy.special", "scipy.linalg", "pyarrow", "numba", "joblib"})],
     ],
     ids=["lincov", "run", "show"],
 )  # fmt: skip
