@@ -233,10 +233,10 @@ def check_file(
 ) -> None:
     """Check a campaign, the code of a scenario, or a trajectory.
 
-    Of campaigns and scenarios it checks determinism, shapes, units, linearity near zero, and partials against
-    differences. Of a trajectory it checks whether it can be flown, and its heading against its track. For a class of
-    your own it says how long a run takes. It writes nothing, but keeps a measured covariance of noise. --trajectory
-    describes a trajectory file, a track, or the trajectory of a campaign of type ins instead.
+    Of campaigns and scenarios it checks shapes, units and linearity near zero; of code of your own determinism and
+    partials against differences as well. Of a trajectory it checks whether it can be flown, and its heading against its
+    track. For a class of your own it says how long a run takes. It writes nothing, but keeps a measured covariance of
+    noise. --trajectory describes a trajectory file, a track, or the trajectory of a campaign of type ins instead.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
 

@@ -457,6 +457,14 @@ def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
     assert (refused.returncode, refused.stderr) == (2, "error: --level: belongs to --out; add --out FOLDER\n")
 
 
+def test_a_check_flies_the_errors_of_a_campaign(tmp_path: Path) -> None:
+    """A fault moves the flight without errors, about which it is linear; that kernels repeat themselves tests show."""
+    done = invoke("check", ROOT / "campaigns" / "31_flight_with_a_faulty_receiver.toml", cwd=tmp_path)
+    checks = {line.split("  ")[0] for line in done.stdout.splitlines()}
+    assert {"shapes", "linear near zero", "nominal outputs", "history"} < checks
+    assert not {"determinism", "travels to workers", "partials against differences"} & checks
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
