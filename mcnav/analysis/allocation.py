@@ -34,6 +34,9 @@ PRECISION: Final = 1e-4
 MOST_TRIALS: Final = 60
 """Multiples tried before the search for one ends."""
 
+OTHERS: Final = "other changes are by linear analysis alone"
+"""Reason why flights have examined only the campaign as it is and the change that the answer states first."""
+
 
 @dataclass(frozen=True)
 class NumberChange:
@@ -99,6 +102,16 @@ class Goal:
     met: bool
     changes: tuple[NumberChange, ...]
     unconfirmed: tuple[str, ...] = ()
+
+    def stated(self, changes: Sequence[NumberChange]) -> NumberChange | None:
+        """Return the one of some of its changes that an answer states first; none where none has a finite multiple.
+
+        Where the goal is met that is the one of most numbers together, else the smallest.
+        """
+        finite = [change for change in changes if change.reached and 0.0 < change.factor < math.inf]
+        if self.met:
+            return max(finite, key=lambda change: len(change.paths), default=None)
+        return min(finite, key=lambda change: abs(math.log(change.factor)), default=None)
 
 
 @dataclass(frozen=True)

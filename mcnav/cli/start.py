@@ -38,6 +38,9 @@ from mcnav.cli.program import CHECK_FAILED, SOME_FAILED, command, failure, new
 from mcnav.docs.pages import Page, page_text
 
 if TYPE_CHECKING:
+    from mcnav.analysis.remedies import Remedies
+    from mcnav.config.read import Campaign
+    from mcnav.report.results.model import RunAnalysis
     from mcnav.workflow.run import Run
 
 
@@ -94,13 +97,15 @@ def run(
     from mcnav.config.read import read_campaign
     from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
-    from mcnav.studies.boxed_run import campaign_to_run
-    from mcnav.studies.run_remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
     given = {key: value for key, value in options.items() if value is not None}
-    content = campaign_to_run(read_campaign(campaign, given), at, given)
+    content = read_campaign(campaign, given)
+    if content.ranges or at is not None:
+        from mcnav.studies.boxed_run import campaign_to_run
+
+        content = campaign_to_run(content, at, given)
     print_notes(content.remarks)
     if check and not content.requirements:
         raise failure(f"{campaign}: accept: is missing; --check needs requirements")
@@ -112,7 +117,7 @@ def run(
     chosen = engine or engine_of(target, campaign)
     with open_executor(scheduler, dask, jobs) as (executor, workers, notes), progress.shown(err) as shown:
         done = run_campaign(
-            content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report, advise_run
+            content, target, chosen, workers, fresh, shown, max_failures, executor, force, not no_report, _advise
         )
     print_notes((*notes, *done.notices))
     _print_run(content.name, done, target, form, with_report=not no_report)
@@ -125,6 +130,13 @@ def run(
         raise typer.Exit(CHECK_FAILED)
     if done.results.failed:
         raise typer.Exit(SOME_FAILED)
+
+
+def _advise(campaign: Campaign, content: RunAnalysis) -> Remedies | None:
+    """Find what would help a run in which something fails; no other run needs the modules."""
+    from mcnav.studies.run_remedies import advise_run
+
+    return advise_run(campaign, content)
 
 
 def _print_run(name: str, done: Run, target: Path, form: Format, with_report: bool) -> None:
@@ -192,14 +204,13 @@ def _run_example(campaign: Path) -> None:
     from mcnav.report.terminal import answer_screen, progress
     from mcnav.runner.executors import open_executor
     from mcnav.store.run_folder import RunFolder
-    from mcnav.studies.run_remedies import advise_run
     from mcnav.workflow.run import engine_of, run_campaign
 
     content = read_campaign(campaign, {})
     target = output_folder(None, run_folder(campaign))
     with open_executor(None, None, None) as (executor, workers, notes), progress.shown(err) as shown:
         done = run_campaign(
-            content, target, engine_of(target, campaign), workers, progress=shown, executor=executor, advise=advise_run
+            content, target, engine_of(target, campaign), workers, progress=shown, executor=executor, advise=_advise
         )
     print_notes((*notes, *done.notices))
     stored, program = RunFolder(target), next_command.program()
@@ -233,10 +244,10 @@ def check_file(
 ) -> None:
     """Check a campaign, the code of a scenario, or a trajectory.
 
-    Of campaigns and scenarios it checks determinism, shapes, units, linearity near zero, and partials against
-    differences. Of a trajectory it checks whether it can be flown, and its heading against its track. For a class of
-    your own it says how long a run takes. It writes nothing, but keeps a measured covariance of noise. --trajectory
-    describes a trajectory file, a track, or the trajectory of a campaign of type ins instead.
+    Of campaigns and scenarios it checks shapes, units and linearity near zero; of code of your own determinism and
+    partials against differences as well. Of a trajectory it checks whether it can be flown, and its heading against its
+    track. For a class of your own it says how long a run takes. It writes nothing, but keeps a measured covariance of
+    noise. --trajectory describes a trajectory file, a track, or the trajectory of a campaign of type ins instead.
 
     Exit status: 0 all checks passed, 1 a check failed, 2 bad input.
 

@@ -1,4 +1,4 @@
-"""Unscented transform (filterpy): a covariance from a few samples."""
+"""Unscented transform: a covariance from a few samples."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.linear.higher_order import principal_directions
-from mcnav.linear.partials import Propagate, SimulationFailed, simulate_or_raise
+from mcnav.linear.partials import Propagate, simulate_or_raise
 
 
 def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -> tuple[Array, Array]:
@@ -18,17 +18,16 @@ def unscented_covariance(propagate: Propagate, mean: Array, covariance: Array) -
     and (outputs,), covariances (sources, sources) and (outputs, outputs), SI. Raises `SimulationFailed` when a sigma
     point fails.
     """
-    from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform  # slow to import: half a second
-
-    directions = principal_directions(covariance)  # of the range: sigma points need a definite matrix
+    directions = principal_directions(covariance)
     rank = directions.shape[1]
     if rank == 0:
         value = simulate_or_raise(propagate, mean[None, :])[0]
         return value, np.zeros((len(value), len(value)))
-    points = MerweScaledSigmaPoints(rank, alpha=1.0, beta=2.0, kappa=0.0)
-    errors = mean + points.sigma_points(np.zeros(rank), np.eye(rank)) @ directions.T
-    try:
-        transformed_mean, transformed = unscented_transform(simulate_or_raise(propagate, errors), points.Wm, points.Wc)
-    except np.linalg.LinAlgError as failure:
-        raise SimulationFailed(f"the sigma points have no covariance: {failure}") from None
-    return np.asarray(transformed_mean), np.asarray(transformed)
+    axes = np.sqrt(rank) * np.eye(rank)
+    points = np.vstack([np.zeros(rank), axes, -axes])
+    mean_weights = np.append(0.0, np.full(2 * rank, 0.5 / rank))
+    covariance_weights = np.append(2.0, mean_weights[1:])  # beta at the mean
+    values = simulate_or_raise(propagate, mean + points @ directions.T)
+    transformed_mean = mean_weights @ values
+    departures = values - transformed_mean
+    return transformed_mean, departures.T @ (covariance_weights[:, None] * departures)

@@ -86,8 +86,8 @@ def allocate(
         Samples of a simulation, by default those of the campaign, at most
         `mcnav.studies.simulated_campaigns.MOST_SAMPLES`.
     examine : bool, optional
-        Whether flights examine changes that no samples confirm; by default, of linear analysis alone, where that takes
-        less than the answers.
+        Whether flights examine all changes that no samples confirm; by default, of linear analysis alone, the campaign
+        as it is and the change that the answer states first, where that takes less than the answers.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def allocate(
         grades = None if grades is None else confirm_grades(variations, grades, judged, plan)
     found = Allocation(answer, len(variations.numbers), tuple(allocation), grades, variations.computed, basis)
     asked = False if basis is not None and examine is None else examine
-    return examine_allocation(variations, found, Examiner(asked, perf_counter() - began))
+    return examine_allocation(variations, found, Examiner(asked, perf_counter() - began), every=bool(examine))
 
 
 def _judged(variations: Variations) -> tuple[int, ...]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from mcnav.analysis.allocation import Allocation, Goal, GradeChange, GradeSearch, NumberChange
+from mcnav.analysis.allocation import OTHERS, Allocation, Goal, GradeChange, GradeSearch, NumberChange
 from mcnav.config.data_sheet import next_grade
 from mcnav.config.overrides import Value
 from mcnav.errors import CampaignError
@@ -14,29 +14,34 @@ from mcnav.studies.examined_settings import Examiner
 from mcnav.studies.variations import Variations, values_of
 
 
-def examine_allocation(variations: Variations, allocation: Allocation, examiner: Examiner) -> Allocation:
-    """Examine the campaign as it is, then each change that meets a goal, the smallest first, then changes of grades."""
-    every = tuple(range(len(variations.base.requirements)))
-    now = _verdict(variations, {}, every, examiner)
-    goals = tuple(_examined_goal(variations, goal, examiner) for goal in allocation.goals)
-    grades = allocation.grades
-    if grades is not None:
-        changes = tuple(_examined_grade(variations, grades, change, every, examiner) for change in grades.changes)
-        grades = replace(grades, changes=changes)
-    return replace(allocation, goals=goals, grades=grades, linearity=now, unexamined=examiner.reason)
+def examine_allocation(variations: Variations, allocation: Allocation, examiner: Examiner, every: bool) -> Allocation:
+    """Examine the campaign as it is and the change that the answer states first; or every change and those of grades.
 
-
-def _examined_goal(variations: Variations, goal: Goal, examiner: Examiner) -> Goal:
+    A change that samples have shown is left as it is.
+    """
     known = {number.path: number for number in (*variations.numbers, *variations.beliefs)}
+    all_requirements = tuple(range(len(variations.base.requirements)))
+    last, grades = allocation.goals[-1], allocation.grades
+    stated = last.stated([change for change in last.changes if change.simulated is None])
 
-    def examined(change: NumberChange) -> NumberChange:
-        if not change.reached or change.simulated is not None:
+    def examined(goal: Goal, change: NumberChange) -> NumberChange:
+        if change.simulated is not None or not change.reached or not (every or change is stated):
             return change
         multiple = change.factor if math.isfinite(change.factor) else change.closest
         values = values_of([known[path] for path in change.paths], multiple)
         return replace(change, linearity=_verdict(variations, values, goal.requirements, examiner))
 
-    return replace(goal, changes=tuple(examined(change) for change in goal.changes))
+    now = _verdict(variations, {}, all_requirements, examiner)
+    goals = tuple(
+        replace(goal, changes=tuple(examined(goal, change) for change in goal.changes)) for goal in allocation.goals
+    )
+    if grades is not None and every:
+        changes = tuple(
+            _examined_grade(variations, grades, change, all_requirements, examiner) for change in grades.changes
+        )
+        grades = replace(grades, changes=changes)
+    unexamined = examiner.reason or (OTHERS if now and not every else "")
+    return replace(allocation, goals=goals, grades=grades, linearity=now, unexamined=unexamined)
 
 
 def _examined_grade(
@@ -62,7 +67,9 @@ def _verdict(
     if not examiner.open:
         return ""
     try:
-        examined = examiner.examine(variations.read(values))
+        as_it_is = not values and not variations.scales
+        campaign, model = (variations.campaign, variations.base.model) if as_it_is else (variations.read(values), None)
+        examined = examiner.examine(campaign, model)
     except CampaignError:
         return ""
     outputs = {output for number in goal for output in variations.base.requirements[number].requirement.outputs}

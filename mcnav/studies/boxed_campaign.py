@@ -15,7 +15,7 @@ from mcnav.config.toml import Content
 from mcnav.config.what_if import held_beliefs, is_tuned
 from mcnav.contract.scenario import Scenario
 from mcnav.errors import CampaignError, Problem
-from mcnav.systems.closed_loop.scenario import ClosedLoopScenario
+from mcnav.studies.shared_derivatives import loop_of
 from mcnav.systems.user.scenario import is_users
 
 Values = tuple[float, ...]
@@ -110,8 +110,8 @@ class BoxedCampaign:
 
 def _believed(scenario: Scenario) -> Mapping[str, float]:
     """Return what the filter of a user's scenario believes; of a closed loop without its linear system."""
-    if isinstance(scenario, ClosedLoopScenario):
-        return {} if scenario.filter_schema is None else scenario.believed
+    if (loop := loop_of(scenario)) is not None:
+        return {} if loop.filter_schema is None else loop.believed
     prediction = scenario.filter_prediction() if is_users(scenario) else None
     return {} if prediction is None else prediction.believed
 

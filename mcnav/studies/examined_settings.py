@@ -15,6 +15,7 @@ import numpy as np
 
 from mcnav.analysis.examination import Examination
 from mcnav.analysis.linear_range import find_beyond, limits_of
+from mcnav.analysis.model import Model
 from mcnav.config.read import Campaign
 from mcnav.errors import CampaignError
 from mcnav.execution.threads import one_thread
@@ -57,12 +58,12 @@ class Examiner:
             self.reason = COSTLY
         return self._asked and self._left > self._last
 
-    def examine(self, campaign: Campaign) -> Examination | None:
-        """Examine a setting; none where it is not examined, `reason` says why."""
+    def examine(self, campaign: Campaign, model: Model | None = None) -> Examination | None:
+        """Examine a setting, whose linear model may be known; none where it is not examined, `reason` says why."""
         if not self.open:
             return None
         began = perf_counter()
-        answer = self._examine(campaign)
+        answer = self._examine(campaign, model)
         self._last = perf_counter() - began
         self._left -= self._last
         if isinstance(answer, str):
@@ -70,10 +71,10 @@ class Examiner:
             return None
         return answer
 
-    def _examine(self, campaign: Campaign) -> Examination | str | None:
+    def _examine(self, campaign: Campaign, model: Model | None) -> Examination | str | None:
         try:
             with one_thread(), scenario_errors(campaign.file):
-                model = end_model(campaign, campaign.scenario.linear().end)
+                model = end_model(campaign, campaign.scenario.linear().end) if model is None else model
                 sigma = np.sqrt(np.maximum(np.diag(model.outcome_covariance), 0.0))
                 limits = limits_of(output.limit for output in campaign.scenario.outputs)
                 if find_beyond(limits, model.outcome_mean, sigma, None) is not None:

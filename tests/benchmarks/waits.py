@@ -98,7 +98,8 @@ def _wait(wait: Wait) -> dict[str, Any]:
         folder = Path(place)
         (folder / "campaigns").symlink_to(CAMPAIGNS)
         caches = {"NUMBA_CACHE_DIR": str(folder / "code"), "XDG_CACHE_HOME": str(folder / "cache")}
-        with patch.dict(os.environ, caches if wait.first else {}):
+        kept = {"PYTHONDONTWRITEBYTECODE": ""}  # modules are compiled once, as where nobody has set it
+        with patch.dict(os.environ, kept | caches if wait.first else kept):
             for words in (*wait.before, *(() if wait.first else (wait.words,))):
                 _command(words, folder)
             before = _imports()

@@ -102,9 +102,8 @@ def test_a_command_uses_one_thread_unless_told_otherwise() -> None:
 
 
 AIDED = ROOT / "campaigns" / "19_flight_with_gnss.toml"
-SLOW_IMPORTS = {"pandas", "pint", "matplotlib", "dask", "distributed"}
-WITHOUT_SAMPLES = {*SLOW_IMPORTS, "scipy.stats", "filterpy"}
-"""And what unscented sigmas need."""
+SLOW_IMPORTS = {"pandas", "pint", "matplotlib", "dask", "distributed", "scipy.stats", "filterpy"}
+UNNEEDED = {*SLOW_IMPORTS, "mcnav.systems.closed_loop.scenario", "mcnav.systems.ins.reference.aided"}
 RUN = ("run", "--samples", 100)
 STORED = ROOT / "reports" / "examples" / "01_tn_d1772_trajectory_4"
 
@@ -113,14 +112,14 @@ STORED = ROOT / "reports" / "examples" / "01_tn_d1772_trajectory_4"
     "calls",
     [
         [
-            (("lincov", campaign, "--out", campaign.stem), {*WITHOUT_SAMPLES, "joblib", "mcnav.analysis.summary"})
+            (("lincov", campaign, "--out", campaign.stem), {*UNNEEDED, "joblib", "mcnav.analysis.summary"})
             for campaign in (DEMO, AIDED)
         ],
         [
-            ((*RUN, DEMO, "--out", "first", "--no-report"), {*SLOW_IMPORTS, "mcnav.report.pages.run.page"}),
+            ((*RUN, DEMO, "--out", "first", "--no-report"), {*UNNEEDED, "mcnav.report.pages.run.page"}),
             (("report", "first"), SLOW_IMPORTS), ((*RUN, AIDED, "--out", "aided"), SLOW_IMPORTS),
         ],
-        [(("show", STORED), {*WITHOUT_SAMPLES, "scipy.special", "scipy.linalg", "pyarrow", "numba", "joblib"})],
+        [(("show", STORED), {*SLOW_IMPORTS, "scipy.special", "scipy.linalg", "pyarrow", "numba", "joblib"})],
     ],
     ids=["lincov", "run", "show"],
 )  # fmt: skip
@@ -457,6 +456,14 @@ def test_compiling_beforehand_leaves_nothing_to_compile(tmp_path: Path) -> None:
     assert told == ["1 of 1: 11_cruise: 0 functions"]
     refused = invoke("dev", "compile", "--level", "x86-64-v3", cwd=tmp_path)
     assert (refused.returncode, refused.stderr) == (2, "error: --level: belongs to --out; add --out FOLDER\n")
+
+
+def test_a_check_flies_the_errors_of_a_campaign(tmp_path: Path) -> None:
+    """A fault moves the flight without errors, about which it is linear; that kernels repeat themselves tests show."""
+    done = invoke("check", ROOT / "campaigns" / "31_flight_with_a_faulty_receiver.toml", cwd=tmp_path)
+    checks = {line.split("  ")[0] for line in done.stdout.splitlines()}
+    assert {"shapes", "linear near zero", "nominal outputs", "history"} < checks
+    assert not {"determinism", "travels to workers", "partials against differences"} & checks
 
 
 @pytest.mark.parametrize(

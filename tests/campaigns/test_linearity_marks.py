@@ -15,7 +15,10 @@ import tomli_w
 import mcnav
 from mcnav.analysis.examination import Linearity
 from mcnav.config.read import read_campaign
+from mcnav.report.pages.allocate import examined_words
 from mcnav.report.pages.run.sections.remedies import fix
+from mcnav.studies import allocation_examination
+from mcnav.studies.allocate import allocate
 from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.live import LiveCampaign
 from mcnav.studies.remedies import remedies_of_answer
@@ -113,6 +116,30 @@ def test_allocation_marks_what_linear_analysis_proposes_in_vain(polar: Path, tmp
     assert "Linear analysis then" in page
     linear = mcnav.allocate(polar, confirm=0, examine=False)
     assert set(linear.changes["linearity"]) == {""}
+
+
+def test_an_allocation_examines_what_it_states(polar: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Others are by linear analysis alone, and the words say so."""
+    examined = list[dict[str, object]]()
+
+    def verdict(_variations: object, values: dict[str, object], *_: object) -> str:
+        examined.append(values)
+        return "holds"
+
+    monkeypatch.setattr(allocation_examination, "_verdict", verdict)
+    found = allocate(polar, confirm=0)
+    stated = found.goals[-1].stated(found.goals[-1].changes)
+    assert stated is not None
+    assert [sorted(values) for values in examined] == [[], sorted(stated.paths)]
+    linearity = {change.label: change.linearity for change in found.goals[-1].changes}
+    assert linearity == dict.fromkeys(linearity, "") | {stated.label: "holds"}
+    (words,) = examined_words(found)
+    assert words.startswith(f"Flights examined the campaign as it is and {stated.label} × ")
+    assert "all other changes are by linear analysis alone" in words
+    examined.clear()
+    every = allocate(polar, confirm=0, examine=True)
+    assert len(examined) == 1 + sum(change.reached for goal in every.goals for change in goal.changes)
+    assert examined_words(every) == []
 
 
 def failing(polar: Path, bearing: str) -> Path:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
-from mcnav.analysis.allocation import MOST, Allocation, Goal, GradeChange, GradeSearch, NumberChange
+from mcnav.analysis.allocation import MOST, OTHERS, Allocation, Goal, GradeChange, GradeSearch, NumberChange
 from mcnav.analysis.examination import Linearity
 from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.analysis.remedies import DOUBTED
@@ -84,6 +84,7 @@ IN_RUN: Final = (
 AS_IT_IS: Final = "Linear analysis {} of the campaign as it is: simulate it, with --confirm 3."
 NOT_THEN: Final = "Linear analysis does not hold with {}: simulate before you rely on it."
 UNEXAMINED: Final = "Linear analysis was not examined {}: {}. --examine does it."
+ONLY: Final = "Flights examined {}; all other changes are by linear analysis alone. --examine examines them."
 """What is said of the examination of proposals by linear analysis alone."""
 
 ENDED: Final = 1.05
@@ -178,17 +179,16 @@ def _simulated_headline(basis: Basis) -> tuple[str, str]:
 def freedom_words(allocation: Allocation) -> list[str]:
     """Say by how much all numbers may grow together, or the one number whose change is the smallest; else nothing."""
     goal = allocation.goals[-1]
-    reached = [change for change in shown_changes(allocation, goal)[0] if change.reached]
-    finite = [change for change in reached if math.isfinite(change.factor) and change.factor > 0.0]
-    if not finite:
+    stated = goal.stated(shown_changes(allocation, goal)[0])
+    if stated is None:
         return []
+    multiple = number(stated.factor, 3)
     if goal.met:
-        least = max(finite, key=lambda change: len(change.paths))
-        words = f"{least.label[:1].upper()}{least.label[1:]} together" if len(least.paths) > 1 else least.label
-        return [f"{words} may be {number(least.factor, 3)} times as large."]
-    least = min(finite, key=lambda change: abs(math.log(change.factor)))
+        label = stated.label
+        words = f"{label[:1].upper()}{label[1:]} together" if len(stated.paths) > 1 else label
+        return [f"{words} may be {multiple} times as large."]
     them = "it" if len(goal.requirements) == 1 else "them"
-    return [f"Smallest change that meets {them}: {least.label} × {number(least.factor, 3)}."]
+    return [f"Smallest change that meets {them}: {stated.label} × {multiple}."]
 
 
 def value_words(allocation: Allocation, result: LinearRequirement) -> tuple[str, str]:
@@ -327,7 +327,10 @@ def examined_words(allocation: Allocation) -> list[str]:
         words.append(AS_IT_IS.format(allocation.linearity))
     if failing:
         words.append(NOT_THEN.format(several(failing)))
-    if allocation.unexamined:
+    if allocation.unexamined == OTHERS:
+        stated = [f"{change.label} × {number(change.factor, 3)}" for change in changes if change.linearity]
+        words.append(ONLY.format(several(["the campaign as it is", *stated])))
+    elif allocation.unexamined:
         examined = "of all changes" if any(linearity for _, linearity in proposed) else "of any change"
         words.append(UNEXAMINED.format(examined, allocation.unexamined))
     return words

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -45,11 +45,13 @@ from mcnav.systems.ins.linear.aided_errors import (
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, close_loop
 from mcnav.systems.ins.linear.covariance import biased_processes
 from mcnav.systems.ins.linear.response_blocks import Responses, recent_responses
-from mcnav.systems.ins.reference.aided import AidedMechanization
 from mcnav.systems.ins.reference.mechanization import Diverged, longest_step
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 from mcnav.systems.sample_loop import simulate_each
+
+if TYPE_CHECKING:
+    from mcnav.systems.ins.reference.aided import AidedMechanization
 
 OWN_CHUNK: Final = 64
 REFERENCE_CHUNK: Final = 8
@@ -349,6 +351,8 @@ class AidedReferenceEngine:
     @cached_property
     def mechanization(self) -> AidedMechanization:
         """The navigator."""
+        from mcnav.systems.ins.reference.aided import AidedMechanization  # which no other engine needs
+
         navigation = self.navigation
         end = float(navigation.times[-1])
         return AidedMechanization(

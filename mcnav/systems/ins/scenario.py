@@ -53,7 +53,6 @@ from mcnav.systems.ins.linear.covariance import LinearErrors
 from mcnav.systems.ins.linear.delay_remarks import remarks_on_delays
 from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts
 from mcnav.systems.ins.linear.response_blocks import Responses, recent_responses
-from mcnav.systems.ins.recorded.navigation import filter_recording, record_sample
 from mcnav.systems.ins.reference.mechanization import Diverged, Mechanization, longest_step
 from mcnav.systems.ins.sensors.aiding import Component, Sensor
 from mcnav.systems.ins.sensors.registry import QUANTITIES
@@ -549,11 +548,17 @@ class Ins(PlainScenario):
 
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
         """Take the filter through a recorded flight; mean and covariance are those of the true sources."""
+        from mcnav.systems.ins.recorded.navigation import (
+            filter_recording,
+        )  # recordings and the reference engine's parts
+
         processes = (*NOISE, *aiding_outputs(self.navigation.sensors))
         return filter_recording(self.navigation.aided, self.sources, processes, recording, mean, covariance)
 
     def simulate_recording(self, errors: Array, seed: int, index: int, interval: float) -> Recording:
         """Record one sample, shape (sources,), with readings over intervals, s."""
+        from mcnav.systems.ins.recorded.navigation import record_sample
+
         return record_sample(self.navigation.aided, errors, seed, index, interval)
 
     def linear(self, times: Array | None = None) -> LinearSystem:
