@@ -85,7 +85,7 @@ class KeptLoopEngine:
         That simulations may take which are not kept; more raise `TooLong`.
     """
 
-    engine: ClosedLoopEngine
+    engine: Engine
     kept: KeptLoop
     seconds: float
     parallel: str
@@ -98,7 +98,6 @@ class KeptLoopEngine:
     @classmethod
     def of(cls, engine: Engine, kept: KeptLoop, seconds: float) -> KeptLoopEngine:
         """Return that of an engine."""
-        assert isinstance(engine, ClosedLoopEngine)
         return cls(engine, kept, seconds, engine.parallel, engine.chunk, engine.accuracy, engine.noisy)
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
@@ -126,6 +125,7 @@ class KeptLoopEngine:
         """Seconds that simulations will take, by one sample without errors; none where they may take any time."""
         if math.isinf(self.seconds):
             return 0.0
+        assert isinstance(self.engine, ClosedLoopEngine)
         began, sources = time.perf_counter(), len(self.engine.sizes.true.start)
         self.engine.simulate(Batch(np.arange(1), np.zeros((1, sources)), 0), noise=False)
         return TOGETHER * (2.0 if self.noisy else 1.0) * (time.perf_counter() - began)
