@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from mcnav.contract.scenario import ScenarioError
@@ -12,6 +13,11 @@ from mcnav.systems.guard import call_user
 
 Frame = Mapping[str, Callable[[], Any]]
 """Arguments by name, each made when a method names it."""
+
+
+def made_once(frame: Frame) -> Frame:
+    """Return a frame whose arguments are made once, for all methods that name them."""
+    return {name: cache(make) for name, make in frame.items()}
 
 
 @dataclass(frozen=True)

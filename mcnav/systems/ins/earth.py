@@ -99,6 +99,10 @@ class Earth:
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation, m/s^2, at earth-centred positions, shape (n, 3), i or e."""
         x, y, z = np.asarray(position, dtype=float).T
+        if not self.zonals.any():  # a central field, whose sums over zonal harmonics have the same bits
+            inverse = 1.0 / np.sqrt(x * x + y * y + z * z)
+            along = -self.gravitational_parameter * inverse * inverse * inverse
+            return np.stack((along * x, along * y, along * z), axis=-1)
         return np.stack(cast(Any, gravitation).py_func(self.constants, x, y, z), axis=-1)
 
     def gravity_gradient(self, position: Array) -> Array:

@@ -17,7 +17,7 @@ from mcnav.systems.closed_loop.strapdown.planet_axes import PlanetAxes, turned
 from mcnav.systems.ins import earth
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
-from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
+from mcnav.systems.ins.imu.readings import CROSS_PLACES, compensate, reading_errors
 from mcnav.systems.ins.tables.imu import CONSTANTS
 from mcnav.systems.ins.tables.imu_catalogue import units_of_values
 
@@ -181,10 +181,18 @@ class Strapdown:
         return self.frame.move(estimate.position, estimate.velocity, estimate.attitude, force, rate)
 
 
+_PLACES: Final = {"bias": ((0, 1, 2), 3), "scale_factor": ((0, 1, 2), (0, 1, 2)), "misalignment": CROSS_PLACES}
+"""Places of kinds of constant errors in an instrument's response; those of its law are the last column."""
+
+
 def _responses(errors: Mapping[str, Array], count: int) -> tuple[Array, Array]:
     """Arrange constant errors of gyros and accelerometers, shape (count, 3, 5) each; those not given are zero."""
     matrices = []
-    for kinds in INSTRUMENTS.values():
-        columns = [errors.get(name, np.zeros((count, len(axes)))) for name, (_, axes) in kinds.items()]
-        matrices.append(response_matrix(np.concatenate(columns, axis=1)))
+    for instrument, kinds in INSTRUMENTS.items():
+        response = np.zeros((count, 3, 5))
+        for name in kinds:
+            if name in errors:
+                rows, columns = _PLACES.get(name.removeprefix(f"{instrument}_"), ((0, 1, 2), 4))
+                response[:, rows, columns] = errors[name]
+        matrices.append(response)
     return matrices[0], matrices[1]

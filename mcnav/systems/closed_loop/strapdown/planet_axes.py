@@ -85,7 +85,7 @@ class PlanetAxes:
         position, velocity, force, rate : ndarray, shape (n, 3)
         attitude : ndarray, shape (n, 3, 3)
         """
-        turning = rate - turned(attitude.swapaxes(1, 2), np.broadcast_to(self.spin, rate.shape))
+        turning = rate - turned(attitude.swapaxes(1, 2), self.spin)
         felt = turned(attitude, force)
         return {"position": velocity, "velocity": felt + self.fall(position, velocity), "attitude": turning}
 
@@ -95,10 +95,15 @@ class PlanetAxes:
 
 
 def turned(matrix: Array, vectors: Array) -> Array:
-    """Turn vectors, shape (n, 3), by matrices, shape (n, 3, 3) or (3, 3): with the same bits for any n."""
+    """Turn vectors, shape (n, 3) or (3,), by matrices, shape (n, 3, 3) or (3, 3): with the same bits for any n."""
     x, y, z = vectors.T
-    rows = [matrix[..., row, 0] * x + matrix[..., row, 1] * y + matrix[..., row, 2] * z for row in range(3)]
-    return np.stack(rows, axis=-1)
+    first = matrix[..., 0, 0] * x
+    result = np.empty((*first.shape, 3))
+    for row in range(3):
+        part = matrix[..., row, 0] * x if row else first
+        part += matrix[..., row, 1] * y
+        np.add(part, matrix[..., row, 2] * z, out=result[..., row])
+    return result
 
 
 def _across(one: Array, vectors: Array) -> Array:
