@@ -28,7 +28,7 @@ def _angles(vector: Array) -> Array:
     square = x * x
     square += y * y
     square += z * z
-    return np.sqrt(square, out=square)
+    return np.asarray(np.sqrt(square))
 
 
 def to_quaternion(vector: Array) -> Array:
@@ -106,14 +106,14 @@ def to_matrix(vector: Array) -> Array:
     w, x, y, z = to_quaternion(vector)
     xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
     wx, wy, wz = w * x, w * y, w * z
-    result = np.empty((3, 3, *w.shape))
+    result = np.empty((3, 3, len(w)))
     for row, (first, second, third) in enumerate((
         (1.0 - 2.0 * (yy + zz), 2.0 * (xy - wz), 2.0 * (xz + wy)),
         (2.0 * (xy + wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz - wx)),
         (2.0 * (xz - wy), 2.0 * (yz + wx), 1.0 - 2.0 * (xx + yy)),
     )):  # fmt: skip
         result[row, 0], result[row, 1], result[row, 2] = first, second, third
-    return np.moveaxis(result, -1, 0)
+    return result.transpose(2, 0, 1)
 
 
 def from_matrix(matrix: Array) -> Array:

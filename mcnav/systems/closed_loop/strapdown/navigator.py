@@ -181,7 +181,9 @@ class Strapdown:
         return self.frame.move(estimate.position, estimate.velocity, estimate.attitude, force, rate)
 
 
-_PLACES: Final = {"bias": ((0, 1, 2), 3), "scale_factor": ((0, 1, 2), (0, 1, 2)), "misalignment": CROSS_PLACES}
+_PLACES: Final[Mapping[str, tuple[tuple[int, ...], int | tuple[int, ...]]]] = {
+    "bias": ((0, 1, 2), 3), "scale_factor": ((0, 1, 2), (0, 1, 2)), "misalignment": CROSS_PLACES,
+}  # fmt: skip
 """Places of kinds of constant errors in an instrument's response; those of its law are the last column."""
 
 

@@ -63,6 +63,10 @@ class PlanetAxes:
         rate = self.planet.rotation_rate if self.kind == "fixed" else 0.0
         return np.asarray(rate * self.to_planet[2])
 
+    @cached_property
+    def _spins(self) -> bool:
+        return bool(self.spin.any())
+
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation g at positions, both of shape (n, 3)."""
         if self.site is None:
@@ -72,7 +76,7 @@ class PlanetAxes:
     def fall(self, position: Array, velocity: Array) -> Array:
         """Compute the acceleration over the axes without a specific force, shape (n, 3)."""
         result = self.gravitation(position)
-        if self.spin.any():
+        if self._spins:
             centrifugal = _across(self.spin, _across(self.spin, self.origin + position))
             result = result - 2.0 * _across(self.spin, velocity) - centrifugal
         return result
