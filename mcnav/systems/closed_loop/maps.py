@@ -135,7 +135,10 @@ class Maps:
             result[..., chosen] = part
         return result
 
-    def truth_frame(self, x: Array, time: Array, white: Array | None = None, command: Array | None = None) -> Frame:
+    def truth_frame(
+        self, x: Array, time: Array, white: Array | None = None, command: Array | None = None,
+        parameters: Values | None = None,
+    ) -> Frame:  # fmt: skip
         """Return what methods of the truth may name; without ``white`` noise has its processes' values alone."""
         structure = self.structure
 
@@ -146,7 +149,7 @@ class Maps:
         return made_once({
             "time": lambda: time,
             "truth": lambda: Values("truth", (structure.truth.views, x)),
-            "parameters": lambda: Values("parameters", (structure.parameters.views, x)),
+            "parameters": lambda: parameters or Values("parameters", (structure.parameters.views, x)),
             "estimate": lambda: Values("estimate", (structure.estimate.views, x)),
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
@@ -212,9 +215,10 @@ class Maps:
             if alone:
                 moved, there = there, x.copy()
                 there[rows] = moved
-            return space.rates_at(change, self.derivative(there, time + after, white, part))
+            return space.turn_rates(change, self.derivative(there, time + after, white, part, parameters))
 
-        first = self.derivative(x, time, begin, part)
+        parameters = Values("parameters", (self.structure.parameters.views, x))  # at rest
+        first = self.derivative(x, time, begin, part, parameters)
         second = rates(0.5 * covered * first, 0.5 * covered, middle)
         third = rates(0.5 * covered * second, 0.5 * covered, middle)
         fourth = rates(covered * third, covered, end)
@@ -226,17 +230,24 @@ class Maps:
         total *= covered / 6.0
         return advanced(total)
 
-    def derivative(self, x: Array, time: Array, white: Array, part: Part = "both") -> Array:
-        """Compute dX/dt of the rows of a part, shape (size, n) for both, of samples in any phase."""
+    def derivative(
+        self, x: Array, time: Array, white: Array, part: Part = "both", parameters: Values | None = None
+    ) -> Array:
+        """Compute dX/dt of the rows of a part, shape (size, n) for both, of samples in any phase.
+
+        ``parameters`` are those of X, where they are known already.
+        """
+        if parameters is not None and (not self.phases or self._in_one_phase(x)):
+            return self._derivative(part, x, time, white, parameters)
         return self.by_phase(partial(self._derivative, part), x, time, white)
 
-    def _derivative(self, part: Part, x: Array, time: Array, white: Array) -> Array:
+    def _derivative(self, part: Part, x: Array, time: Array, white: Array, parameters: Values | None = None) -> Array:
         """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
         structure, count, rows = self.structure, x.shape[1], self.structure.rows(part)
         command = (
             self._guided(x, time)[: structure.command.size] if self.continuous and self.guide is not None else None
         )
-        frame = self.truth_frame(x, time, white, command)
+        frame = self.truth_frame(x, time, white, command, parameters)
         result = np.zeros((rows.stop - rows.start, count))
         if part != "navigator":
             spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])

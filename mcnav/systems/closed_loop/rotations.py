@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal
 
 import numpy as np
@@ -179,25 +180,39 @@ class Space:
         return np.asarray(result)
 
     def advancing(self, x: Array) -> Callable[[Array], Array]:
-        """Return the sum of X and what rates have changed, as a function of it: attitudes turn in body axes."""
-        origins = [(place, to_quaternion(x[place])) for place, _ in self.attitudes]
+        """Return the sum of X, shape (size, n), and what rates have changed, as a function of it.
+
+        Attitudes turn in body axes, all of them in one call.
+        """
+        if not self.attitudes:
+            return partial(np.add, x)
+        origins = to_quaternion(self._side_by_side(x))
 
         def advanced(change: Array) -> Array:
-            result = x + change
-            for place, origin in origins:
-                result[place] = to_vector(product(origin, to_quaternion(change[place])))
-            return np.asarray(result)
+            result = np.asarray(x + change)
+            self._spread(to_vector(product(origins, to_quaternion(self._side_by_side(change)))), result)
+            return result
 
         return advanced
 
-    def rates_at(self, change: Array, rates: Array) -> Array:
-        """Return the derivative of a change from rates, of which an attitude's is its angular rate in body axes."""
-        if not self.attitudes:
-            return rates
-        result = rates.copy()
-        for place, _ in self.attitudes:
-            result[place] = vector_rate(change[place], rates[place])
-        return result
+    def turn_rates(self, change: Array, rates: Array) -> Array:
+        """Return rates, shape (size, n), with those of attitudes, angular ones in body axes, as those of a change.
+
+        They are changed in place.
+        """
+        if self.attitudes:
+            self._spread(vector_rate(self._side_by_side(change), self._side_by_side(rates)), rates)
+        return rates
+
+    def _side_by_side(self, x: Array) -> Array:
+        """Return the attitudes of X, shape (3, those of all samples)."""
+        return np.concatenate([x[place] for place, _ in self.attitudes], axis=1)
+
+    def _spread(self, attitudes: Array, result: Array) -> None:
+        """Put attitudes that are side by side into X."""
+        count = result.shape[1]
+        for number, (place, _) in enumerate(self.attitudes):
+            result[place] = attitudes[:, number * count : (number + 1) * count]
 
     def deviation_rates(self, x: Array, rates: Array) -> Array:
         """Return the rates of deviations from X itself: angular rates in the axes of the deviations."""

@@ -13,6 +13,7 @@ from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Attitude, GaussMarkov, Unit, White
+from mcnav.systems.closed_loop.quantities import Values
 from mcnav.systems.closed_loop.strapdown.planet_axes import PlanetAxes, turned
 from mcnav.systems.ins import earth
 from mcnav.systems.ins.earth import WGS84, Earth
@@ -160,14 +161,29 @@ class Strapdown:
 
     def sense(self, force: Array, rate: Array, parameters: Any, noise: Any) -> dict[str, Array]:
         """Compute what is read of the true ``force``, m/s^2, and ``rate``, rad/s, in body axes, shape (n, 3)."""
-        errors = {name: getattr(parameters, name) for name in ERRORS}
-        gyro, accelerometer = _responses(errors, len(force))
+        gyro, accelerometer = self._responses_of(parameters, len(force))
         drift = noise.gyro_angle_random_walk + noise.gyro_bias_instability
         push = noise.accelerometer_velocity_random_walk + noise.accelerometer_bias_instability
         return {
             "rate": rate + reading_errors(rate[:, None], force[:, None], gyro)[:, 0] + drift,
             "force": force + reading_errors(force[:, None], (force**2)[:, None], accelerometer)[:, 0] + push,
         }
+
+    def _responses_of(self, parameters: Any, count: int) -> tuple[Array, Array]:
+        """Arrange the true constant errors, once for all derivatives of a step, whose parameters are the same object.
+
+        A loop's cannot be changed.
+        """
+        if self._last and self._last[0] is parameters:
+            known: tuple[Array, Array] = self._last[1]
+            return known
+        responses = _responses({name: getattr(parameters, name) for name in ERRORS}, count)
+        self._last[:] = [parameters, responses] if isinstance(parameters, Values) else []
+        return responses
+
+    @cached_property
+    def _last(self) -> list[Any]:
+        return []
 
     def navigate(self, estimate: Any, sensed: Any) -> dict[str, Array]:
         """Compute the indicated rates, SI, from readings of shape (n, 3), compensated for what is estimated."""

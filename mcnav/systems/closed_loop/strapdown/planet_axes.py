@@ -20,7 +20,6 @@ import numpy as np
 from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
 
-
 Rows: TypeAlias = Any
 """Matrices by row and column: numbers, or arrays of shape (n,)."""
 
