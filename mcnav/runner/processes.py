@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +26,6 @@ from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
 from mcnav.contract.scenario import ScenarioError
-from mcnav.execution.threads import one_thread
 from mcnav.runner.chunks import (
     ChunkJob,
     SampleRange,
@@ -46,9 +45,6 @@ from mcnav.systems.timeouts import timeout_message
 TRIED_WHOLE: Final = 2
 """Pools that may die before chunks are simulated one at a time."""
 
-LOADED_BEFORE: Final = 16
-"""Samples of a chunk from which on one more is simulated to find out what a worker costs."""
-
 
 @dataclass
 class _Crew:
@@ -57,7 +53,7 @@ class _Crew:
     Attributes
     ----------
     cost : float
-        Time that a worker takes until it simulates, s.
+        Time that a worker takes to start, s.
     idle : list of int
         Numbers of the workers that have no chunk, and have started or may now.
     begun : float
@@ -86,7 +82,7 @@ class _Crew:
 def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Iterator[tuple[int, ChunkFile]]:
     """Simulate chunks in worker processes; yield their numbers and files. Raises `BrokenExecutor`."""
     left, running = deque(places), dict[Future[tuple[int, ChunkFile]], int]()
-    crew = _Crew(jobs, math.inf if min(jobs, len(places)) == 1 else _cost_of_a_worker(work))
+    crew = _Crew(jobs, math.inf if min(jobs, len(places)) == 1 else start_first())
     while left or running:
         while left and crew.idle:
             worker = crew.idle.pop(0)
@@ -99,21 +95,6 @@ def _run_pool(work: ChunkJob, places: Sequence[SampleRange], jobs: int) -> Itera
         for future in ready:
             crew.idle.insert(0, running.pop(future))  # which has loaded all, before one that has to start
             yield future.result()
-
-
-def _cost_of_a_worker(work: ChunkJob) -> float:
-    """Let the first worker start, load code and tables; return how long it took, s. Raises `BrokenExecutor`."""
-    start, begun = start_first(), time.monotonic()
-    if work.chunk >= LOADED_BEFORE:
-        submit(_load, work).result()
-    return start + time.monotonic() - begun
-
-
-def _load(work: ChunkJob) -> None:
-    """Let a worker load what simulations need, such as compiled kernels, by a sample without errors."""
-    first = work.draws.batch(0, 1)
-    with one_thread():
-        simulate_batch(work.engine, work.timeout, len(work.layout.outputs), replace(first, errors=0.0 * first.errors))
 
 
 def run_in_processes(work: ChunkJob, missing: Sequence[SampleRange], jobs: int) -> Generator[ChunkFile, None, None]:

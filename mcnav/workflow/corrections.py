@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mcnav.arrays.types import Array
@@ -27,7 +29,8 @@ def compute_corrections(system: PreparedSystem) -> Corrections:
         return system.exact if same else exact_engine(scenario, probes, system.timeout)
 
     if scenario.parts.noise:
-        return noise_corrections(system.flown, draws.errors, system.model.processes or {}, draws.samples)
+        flown = system.flown if system.engine_name == MAP else scenario.keeping(system.exact, math.inf)
+        return noise_corrections(flown, draws.errors, system.model.processes or {}, draws.samples)
     with scenario_errors(system.campaign.file):
         budget = simulated_budgets(
             first_engine, draws.errors, system.model.partials, draws.design, draws.seed, draws.samples

@@ -125,17 +125,30 @@ def differentiate_maps(
     ndarray, shape (m, n, columns)
         The map's values, from which they follow.
     """
-    moved = _moves(np.concatenate([steps, input_steps]))
-    count, size = x.shape
-    columns = moved.shape[1]
-    states = space.plus(x.T[:, :, None], moved[:size, None]).reshape(size, -1)
-    values = function(states, np.tile(moved[size:], (1, count)), np.repeat(at.T, columns, axis=1))
-    values = values.reshape(-1, count, columns)
+    moved, count = _moves(np.concatenate([steps, input_steps])), len(x)
+    values = values_about(function, x, at, moved, space)
     each = [
         _derivatives(np.ascontiguousarray(values[:, number]), x[number], moved, steps, input_steps, space, result)
         for number in range(count)
     ]
     return each, values
+
+
+def values_about(function: TimedMap, x: Array, at: Array, moved: Array, space: Space) -> Array:
+    """Compute the values of a map about n states, shape (m, n, columns).
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, size)
+    at : ndarray, shape (n, k)
+    moved : ndarray, shape (size + inputs, columns)
+        Changes of X, and below it of the inputs.
+    """
+    count, size = x.shape
+    columns = moved.shape[1]
+    states = space.plus(x.T[:, :, None], moved[:size, None]).reshape(size, -1)
+    values = function(states, np.tile(moved[size:], (1, count)), np.repeat(at.T, columns, axis=1))
+    return values.reshape(-1, count, columns)
 
 
 def columns_of(total: int) -> int:

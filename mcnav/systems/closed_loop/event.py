@@ -12,6 +12,7 @@ from mcnav.contract.scenario import ScenarioError
 from mcnav.systems.closed_loop.differences import Derivatives, differentiate_map
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.methods import Method
+from mcnav.systems.closed_loop.structure import Part
 
 MOST_ITERATIONS: Final = 60
 """Steps of the search for a zero; each that fails to halve the interval is followed by one that does."""
@@ -40,10 +41,13 @@ def find_crossings(
     (x, time), (since, value, after) = at_begin, bracket
     low, high, at_low, at_high = since.copy(), np.ones_like(value), value.copy(), after.copy()
     best, least, done = high, np.abs(after), np.zeros(len(value), dtype=bool)  # others' searches change nothing
+    part: Part = "truth" if maps.triggers_by_truth(trigger) else "both"
+    reached, moving = x.copy(), maps.structure.rows(part)
     for number in range(MOST_ITERATIONS):
         secant = (low * at_high - high * at_low) / np.where(at_high != at_low, at_high - at_low, 1.0)
         fraction = np.where((secant > low) & (secant < high) & (number % 8 < 6), secant, 0.5 * (low + high))
-        there = maps.triggered(trigger, maps.step(x, time, length, white, fraction, since), time + fraction * length)
+        reached[moving] = maps.step(x, time, length, white, fraction, since, part)
+        there = maps.triggered(trigger, reached, time + fraction * length)
         nearer = (np.abs(there) < least) & ~done
         best, least = np.where(nearer, fraction, best), np.where(nearer, np.abs(there), least)
         left = np.sign(there) == np.sign(value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +14,15 @@ from mcnav.systems.closed_loop.event import Saltation
 from mcnav.systems.closed_loop.maps import Event
 from mcnav.systems.closed_loop.rotations import Space
 from mcnav.systems.closed_loop.schedule import Instant
-from mcnav.systems.closed_loop.transitions import Composed, Innovation, LinearInstant, Moment, Transition
+from mcnav.systems.closed_loop.transitions import (
+    Composed,
+    FlownGroup,
+    Group,
+    Innovation,
+    LinearInstant,
+    Moment,
+    Transition,
+)
 
 
 class Apart(Exception):
@@ -27,7 +35,7 @@ class FlownMap:
 
     Attributes
     ----------
-    group : Hashable
+    group : tuple
         Maps of a group are one function.
     at : tuple of float
         Time, s, and what else tells it from others of its group.
@@ -41,7 +49,7 @@ class FlownMap:
         The map as the navigator believes it; none where it is the same.
     """
 
-    group: Hashable
+    group: Group
     function: TimedMap
     x: Array
     at: tuple[float, ...]
@@ -139,6 +147,22 @@ class FlownInstant:
         return LinearInstant(self.instant, steps, updates, self.nominal, np.array(self.before))
 
 
+def groups_of(flown: Sequence[FlownMap]) -> tuple[FlownGroup, ...]:
+    """Return the groups of maps."""
+    return tuple(
+        FlownGroup(group, np.array([each.x for each in members]), np.array([each.at for each in members]),
+                   members[0].inputs)
+        for group, members in _members_of(flown).items()
+    )  # fmt: skip
+
+
+def _members_of(flown: Iterable[FlownMap]) -> dict[Group, list[FlownMap]]:
+    groups: dict[Group, list[FlownMap]] = {}
+    for map_ in flown:
+        groups.setdefault(map_.group, []).append(map_)
+    return groups
+
+
 def differentiate_flown(flown: Iterable[FlownMap], steps: Array, space: Space, apart: bool) -> set[str]:
     """Differentiate maps, those of a group together, and return the names of those with kinks.
 
@@ -156,10 +180,7 @@ def differentiate_flown(flown: Iterable[FlownMap], steps: Array, space: Space, a
     ScenarioError
         Where derivatives are not finite.
     """
-    groups: dict[Hashable, list[FlownMap]] = {}
-    for map_ in flown:
-        groups.setdefault(map_.group, []).append(map_)
-    for members in groups.values():
+    for members in _members_of(flown).values():
         most = max(COLUMNS // columns_of(len(steps) + len(members[0].inputs)), 1)
         for begin in range(0, len(members), most):
             some = members[begin : begin + most]

@@ -71,7 +71,7 @@ class KeptLoop:
 
     def keep(self, computed: tuple[object, ...], simulate: Callable[[], KeptNumbers]) -> tuple[Array, ...]:
         """Return numbers that an earlier command simulated, or simulate them; ``computed`` tells them from others."""
-        kind = replace(SAMPLES, computed=(self.identity, _environment(self.spec.code.text), *computed))
+        kind = replace(SAMPLES, computed=(self.identity, environment(self.spec.code.text), *computed))
         return keep(self.loaded, self.spec, kind, lambda _: True, simulate).arrays
 
 
@@ -85,7 +85,7 @@ class KeptLoopEngine:
         That simulations may take which are not kept; more raise `TooLong`.
     """
 
-    engine: ClosedLoopEngine
+    engine: Engine
     kept: KeptLoop
     seconds: float
     parallel: str
@@ -98,7 +98,6 @@ class KeptLoopEngine:
     @classmethod
     def of(cls, engine: Engine, kept: KeptLoop, seconds: float) -> KeptLoopEngine:
         """Return that of an engine."""
-        assert isinstance(engine, ClosedLoopEngine)
         return cls(engine, kept, seconds, engine.parallel, engine.chunk, engine.accuracy, engine.noisy)
 
     def simulate(self, batch: Batch, noise: bool = True) -> SimulationResult:
@@ -126,9 +125,16 @@ class KeptLoopEngine:
         """Seconds that simulations will take, by one sample without errors; none where they may take any time."""
         if math.isinf(self.seconds):
             return 0.0
-        began, sources = time.perf_counter(), len(self.engine.sizes.true.start)
-        self.engine.simulate(Batch(np.arange(1), np.zeros((1, sources)), 0), noise=False)
-        return TOGETHER * (2.0 if self.noisy else 1.0) * (time.perf_counter() - began)
+        engine = self.engine
+        assert isinstance(engine, ClosedLoopEngine)
+
+        def measure() -> KeptNumbers:
+            began, sources = time.perf_counter(), len(engine.sizes.true.start)
+            engine.simulate(Batch(np.arange(1), np.zeros((1, sources)), 0), noise=False)
+            return KeptNumbers((np.array([time.perf_counter() - began]),))
+
+        (seconds,) = self.kept.keep(("seconds",), measure)
+        return TOGETHER * (2.0 if self.noisy else 1.0) * float(seconds[0])
 
 
 def _as_numbers(failures: Mapping[int, Failure]) -> Array:
@@ -144,7 +150,7 @@ def _as_failures(numbers: Array) -> dict[int, Failure]:
 
 def identity_of(linear: Linearization, sizes: LoopSizes, gates: LoopGates) -> str:
     """Return the digest of what the samples of a loop depend on besides code and settings."""
-    digest = hashlib.sha256(f"{_program()} {gates!r} {linear.event_times!r} {linear.beside}".encode())
+    digest = hashlib.sha256(f"{program()} {gates!r} {linear.event_times!r} {linear.beside}".encode())
     for array in _arrays_of(linear, sizes):
         digest.update(f"{array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)
@@ -152,10 +158,7 @@ def identity_of(linear: Linearization, sizes: LoopSizes, gates: LoopGates) -> st
 
 
 def _arrays_of(linear: Linearization, sizes: LoopSizes) -> Iterator[Array]:
-    for given in (sizes.true, sizes.believed):
-        yield from (given.start, given.white, given.markov, given.decay, given.markov_at_start)
-        yield from (*given.measurements, *given.corrections)
-    yield linear.steps
+    yield from (*arrays_of_sizes(sizes), linear.steps)
     for planned in linear.instants:
         yield from (planned.nominal, planned.before)
         for event in (*planned.steps, *planned.updates):
@@ -165,13 +168,20 @@ def _arrays_of(linear: Linearization, sizes: LoopSizes) -> Iterator[Array]:
                 yield from (event.state, event.inputs, *event.of_filter, *event.corrections.values())
 
 
-def _environment(text: str) -> list[list[str]]:
+def arrays_of_sizes(sizes: LoopSizes) -> Iterator[Array]:
+    """Return the numbers of all sizes."""
+    for given in (sizes.true, sizes.believed):
+        yield from (given.start, given.white, given.markov, given.decay, given.markov_at_start)
+        yield from (*given.measurements, *given.corrections)
+
+
+def environment(text: str) -> list[list[str]]:
     """Return the variables of the environment that a text names between quotes."""
     return [[name, os.environ[name]] for name in sorted(set(_QUOTED.findall(text))) if name in os.environ]
 
 
 @cache
-def _program() -> str:
+def program() -> str:
     """Digest the files of all systems, by which loops are simulated."""
     digest = hashlib.sha256()
     for file in sorted(Path(__file__).parents[1].rglob("*.py")):

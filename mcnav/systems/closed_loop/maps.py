@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.declarations import Correction, Measurement
-from mcnav.systems.closed_loop.methods import Frame, Method
+from mcnav.systems.closed_loop.methods import Frame, Method, made_once
 from mcnav.systems.closed_loop.own_outputs import OwnOutputs
 from mcnav.systems.closed_loop.quantities import Block, Quantity, Values, as_kept, as_seen, attitude_kept, spread
 from mcnav.systems.closed_loop.rotations import turn_between
@@ -106,7 +106,12 @@ class Maps:
 
     def phase_of(self, x: Array) -> str:
         """Return the phase of samples that are all in the same."""
-        return self.phases[int(self.phase_numbers(x)[0])]
+        return self.phases[int(self.phase_numbers(x[:, :1])[0])]
+
+    def _in_one_phase(self, x: Array) -> bool:
+        """Return whether all samples are in the same phase."""
+        numbers = x[self.structure.phase.begin]
+        return bool((numbers == numbers[:1]).all())
 
     def phase_numbers(self, x: Array) -> NDArray[np.intp]:
         """Return the number of the phase of each sample, shape (n,)."""
@@ -115,7 +120,7 @@ class Maps:
 
     def by_phase(self, function: Callable[..., Array], x: Array, *arrays: Array) -> Array:
         """Call a function of X and other arrays, shape (..., n), for the samples of each phase by itself."""
-        if not self.phases:
+        if not self.phases or self._in_one_phase(x):
             return function(x, *arrays)
         numbers = self.phase_numbers(x)
         present = np.unique(numbers)
@@ -130,7 +135,10 @@ class Maps:
             result[..., chosen] = part
         return result
 
-    def truth_frame(self, x: Array, time: Array, white: Array | None = None, command: Array | None = None) -> Frame:
+    def truth_frame(
+        self, x: Array, time: Array, white: Array | None = None, command: Array | None = None,
+        parameters: Values | None = None,
+    ) -> Frame:  # fmt: skip
         """Return what methods of the truth may name; without ``white`` noise has its processes' values alone."""
         structure = self.structure
 
@@ -138,16 +146,16 @@ class Maps:
             entering = () if white is None else ((structure.white.views, white),)
             return Values("noise", (structure.markov.views, x), *entering)
 
-        return {
+        return made_once({
             "time": lambda: time,
             "truth": lambda: Values("truth", (structure.truth.views, x)),
-            "parameters": lambda: Values("parameters", (structure.parameters.views, x)),
+            "parameters": lambda: parameters or Values("parameters", (structure.parameters.views, x)),
             "estimate": lambda: Values("estimate", (structure.estimate.views, x)),
             "command": lambda: self._seen_command(x if command is None else command, command is None),
             "noise": noise,
             "memory": lambda: self._seen_memory(x),
             "phase": lambda: self.phase_of(x),
-        }
+        })  # fmt: skip
 
     def navigator_frame(self, x: Array, time: Array, sensed: Any, with_white: bool = False) -> Frame:
         """Return what methods may name when the navigator uses them: its estimates in place of truth and errors."""
@@ -164,6 +172,10 @@ class Maps:
             "memory": lambda: self._seen_memory(x),
             "phase": lambda: self.phase_of(x),
         }
+
+    def triggers_by_truth(self, trigger: Method) -> bool:
+        """Return whether a trigger's function follows from the truth, which no navigator moves within a step."""
+        return "estimate" not in trigger.names and not (self.continuous and self.guide is not None)
 
     @property
     def apart(self) -> bool:
@@ -196,16 +208,17 @@ class Maps:
         begin, end = mean + slope * (2.0 * since - 1.0), mean + slope * (2.0 * fraction - 1.0)
         middle = mean + slope * (since + fraction - 1.0)
         space, rows, alone = self.structure.spaces[part], self.structure.rows(part), part != "both"
-        origin = x[rows]
+        advanced = space.advancing(x[rows])
 
         def rates(change: Array, after: Array | float, white: Array) -> Array:
-            there = space.advanced(origin, change)
+            there = advanced(change)
             if alone:
                 moved, there = there, x.copy()
                 there[rows] = moved
-            return space.rates_at(change, self.derivative(there, time + after, white, part))
+            return space.turn_rates(change, self.derivative(there, time + after, white, part, parameters))
 
-        first = self.derivative(x, time, begin, part)
+        parameters = Values("parameters", (self.structure.parameters.views, x))  # at rest
+        first = self.derivative(x, time, begin, part, parameters)
         second = rates(0.5 * covered * first, 0.5 * covered, middle)
         third = rates(0.5 * covered * second, 0.5 * covered, middle)
         fourth = rates(covered * third, covered, end)
@@ -215,19 +228,26 @@ class Maps:
         total += first
         total += fourth
         total *= covered / 6.0
-        return space.advanced(origin, total)
+        return advanced(total)
 
-    def derivative(self, x: Array, time: Array, white: Array, part: Part = "both") -> Array:
-        """Compute dX/dt of the rows of a part, shape (size, n) for both, of samples in any phase."""
+    def derivative(
+        self, x: Array, time: Array, white: Array, part: Part = "both", parameters: Values | None = None
+    ) -> Array:
+        """Compute dX/dt of the rows of a part, shape (size, n) for both, of samples in any phase.
+
+        ``parameters`` are those of X, where they are known already.
+        """
+        if parameters is not None and (not self.phases or self._in_one_phase(x)):
+            return self._derivative(part, x, time, white, parameters)
         return self.by_phase(partial(self._derivative, part), x, time, white)
 
-    def _derivative(self, part: Part, x: Array, time: Array, white: Array) -> Array:
+    def _derivative(self, part: Part, x: Array, time: Array, white: Array, parameters: Values | None = None) -> Array:
         """Compute dX/dt, shape (size, n), an attitude's its angular rate in body axes; commands and the like rest."""
         structure, count, rows = self.structure, x.shape[1], self.structure.rows(part)
         command = (
             self._guided(x, time)[: structure.command.size] if self.continuous and self.guide is not None else None
         )
-        frame = self.truth_frame(x, time, white, command)
+        frame = self.truth_frame(x, time, white, command, parameters)
         result = np.zeros((rows.stop - rows.start, count))
         if part != "navigator":
             spread(structure.truth, self.rates(frame), count, "rates", into=result[structure.truth.whole])

@@ -14,6 +14,22 @@ Frame = Mapping[str, Callable[[], Any]]
 """Arguments by name, each made when a method names it."""
 
 
+def made_once(frame: Frame) -> Frame:
+    """Return a frame whose arguments are made once, for all methods that name them."""
+    return {name: _once(make) for name, make in frame.items()}
+
+
+def _once(make: Callable[[], Any]) -> Callable[[], Any]:
+    made: list[Any] = []  # functools.cache takes ten times as long for a function that is called a few times
+
+    def give() -> Any:
+        if not made:
+            made.append(make())
+        return made[0]
+
+    return give
+
+
 @dataclass(frozen=True)
 class Method:
     """A method or function, and the arguments that it names."""

@@ -9,8 +9,8 @@ other instants, as those of a method that takes all its times for the same.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final, Protocol
 
@@ -33,6 +33,7 @@ from mcnav.systems.closed_loop.flown import (
     FlownUpdate,
     check_finite,
     differentiate_flown,
+    groups_of,
 )
 from mcnav.systems.closed_loop.maps import Maps
 from mcnav.systems.closed_loop.own_update import updated
@@ -40,6 +41,8 @@ from mcnav.systems.closed_loop.passage import meet, set_signs
 from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.sizes import SMALL, LoopSizes, difference_steps
 from mcnav.systems.closed_loop.transitions import (
+    FlownGroup,
+    Group,
     Innovation,
     Linearization,
     Transition,
@@ -89,6 +92,28 @@ def linearize(
     except Exception:  # of a method that takes all its times for the same, too: alone it may do
         follower = None if follow is None else follow()
         return _Flight.at(maps, start, sizes, follow is not None, follower, apart=True).fly(schedule)
+
+
+def map_of(maps: Maps, group: Group) -> TimedMap:
+    """Return the map of X, of what enters, and of times and the like, of a group: one that the flight has flown.
+
+    The group ``trigger`` is the function of an event's trigger.
+    """
+    kind, *which = group
+    if kind == "trigger":
+        trigger = maps.events[which[0]].trigger
+        return lambda x, entering, at: maps.triggered(trigger, x, at[0])[None]
+    if kind == "measure":
+        return lambda x, entering, at: maps.innovation(which[0], x, at[0]) + entering
+    if kind == "update":
+        return lambda x, entering, at: updated(maps, which[0], x, at[0], entering)
+    if kind == "correct":
+        return lambda x, entering, at: maps.corrected(which[0], x, at[0], entering)
+    if kind == "guide":
+        return lambda x, entering, at: maps.after_guidance(x, at[0])
+    loop = maps if kind == "step" else maps.as_believed
+    inputs = maps.structure.white.size + maps.structure.markov.size
+    return lambda x, entering, at: loop.step(x, at[0], at[1], entering.reshape(2, inputs, x.shape[1]), *which)
 
 
 def innovation_shares(linear: Linearization, maps: Maps, filtered: bool, sizes: LoopSizes) -> dict[str, float]:
@@ -201,8 +226,15 @@ class _Flight:
         self._differentiate(self.flown)
         return Linearization(
             [flight.linear() for flight in flown], len(flown) - 1, end_time, self.event_times, self.signs, self.steps,
-            frozenset(self.kinks), self.innovations, self.beside.hexdigest(),
+            frozenset(self.kinks), self.innovations, self.beside.hexdigest(), self._groups(),
         )  # fmt: skip
+
+    def _groups(self) -> tuple[FlownGroup, ...]:
+        """Return the groups of the maps that were flown, and the triggers at the begins of all steps."""
+        groups = groups_of(self.flown)
+        steps = [group for group in groups if group.group[0] == "step"]
+        triggers = (("trigger", number) for number in range(len(self.maps.events)))
+        return (*groups, *(replace(step, group=trigger) for trigger in triggers for step in steps))
 
     def _differentiate(self, maps: Sequence[FlownMap]) -> None:
         """Differentiate maps, and note their kinks and their values beside the nominal."""
@@ -249,23 +281,15 @@ class _Flight:
 
     def _part(self, time: float, length: float, since: float, fraction: float) -> FlownMap:
         """Fly the part of a step from one fraction of it to another."""
-        maps, inputs = self.maps, self.maps.structure.white.size + self.maps.structure.markov.size
-
-        def function(x: Array, entering: Array, at: Array, loop: Maps = maps) -> Array:
-            return loop.step(x, at[0], at[1], entering.reshape(2, inputs, x.shape[1]), fraction, since)
-
-        whole, where = since == 0.0 and fraction == 1.0, f"rates at {time:g} s"
-        at, entering = (time, length), _step_inputs(self.sizes)
-        part = self._flown("step" if whole else object(), function, at, entering, where)
-        if maps.as_believed is not maps:
-            as_believed = partial(function, loop=maps.as_believed)
-            part.believed = self._flown("believed step" if whole else object(), as_believed, at, entering, where)
+        at, entering, where = (time, length), _step_inputs(self.sizes), f"rates at {time:g} s"
+        part = self._flown(("step", fraction, since), at, entering, where)
+        if self.maps.as_believed is not self.maps:
+            part.believed = self._flown(("believed step", fraction, since), at, entering, where)
         return part
 
-    def _flown(
-        self, group: Hashable, function: TimedMap, at: tuple[float, ...], inputs: Array, where: str, to_x: bool = True
-    ) -> FlownMap:
+    def _flown(self, group: Group, at: tuple[float, ...], inputs: Array, where: str, to_x: bool = True) -> FlownMap:
         """Return a map about the nominal with its value."""
+        function = map_of(self.maps, group)
         space, none = self.maps.structure.space, np.zeros((len(self.x), 1))
         x, entering, ats = space.plus(self.x[:, None], none), np.zeros((len(inputs), 1)), np.array(at)[:, None]
         value = function(*(np.repeat(argument, BESIDE, axis=1) for argument in (x, entering, ats)))[:, 0]
@@ -343,12 +367,8 @@ class _Flight:
     def _measure(self, number: int, time: float) -> FlownUpdate:
         """Update by a sensor: without an innovation X is what it was."""
         maps, name = self.maps, self.maps.sensors[number].declared.name
-
-        def function(x: Array, entering: Array, at: Array) -> Array:
-            return maps.innovation(number, x, at[0]) + entering
-
         inputs = filled(self.sizes.believed.measurements[number])
-        map_ = self._flown(("measure", number), function, (time,), inputs, f"measurement {name} at {time:g} s", False)
+        map_ = self._flown(("measure", number), (time,), inputs, f"measurement {name} at {time:g} s", False)
         value, update = self._take(map_), FlownUpdate(map_, "measure", number)
         self._note_innovation(number, value)
         change = np.zeros_like(self.x)
@@ -368,25 +388,16 @@ class _Flight:
     def _update_own(self, number: int, time: float) -> FlownUpdate:
         """Update by a sensor as the user does."""
         maps = self.maps
-
-        def function(x: Array, entering: Array, at: Array) -> Array:
-            return updated(maps, number, x, at[0], entering)
-
         self._note_innovation(number, maps.innovation(number, self.x[:, None], np.array([time]))[:, 0])
         inputs = filled(self.sizes.true.measurements[number])
-        map_ = self._flown(("update", number), function, (time,), inputs, f"update at {time:g} s")
+        map_ = self._flown(("update", number), (time,), inputs, f"update at {time:g} s")
         self.x = self._take(map_)
         return FlownUpdate(map_, "measure", number)
 
     def _correct(self, number: int, time: float) -> FlownUpdate:
         """Apply a correction."""
-        maps = self.maps
-
-        def function(x: Array, entering: Array, at: Array) -> Array:
-            return maps.corrected(number, x, at[0], entering)
-
-        where = f"correction {maps.impulses[number].declared.name} at {time:g} s"
-        map_ = self._flown(object(), function, (time,), self._correction_sizes(number), where)
+        where = f"correction {self.maps.impulses[number].declared.name} at {time:g} s"
+        map_ = self._flown(("correct", number), (time,), self._correction_sizes(number), where)
         update = FlownUpdate(map_, "correct", number)
         self.x = self._without_rounding(number, self._take(map_))
         if self.follower is not None:
@@ -407,11 +418,6 @@ class _Flight:
 
     def _guide(self, time: float) -> FlownUpdate:
         """Command."""
-        maps = self.maps
-
-        def function(x: Array, entering: Array, at: Array) -> Array:
-            return maps.after_guidance(x, at[0])
-
-        map_ = self._flown("guide", function, (time,), np.zeros(0), f"guide at {time:g} s")
+        map_ = self._flown(("guide",), (time,), np.zeros(0), f"guide at {time:g} s")
         self.x = self._take(map_)
         return FlownUpdate(map_, "guide")

@@ -7,7 +7,9 @@ vectors of shape (3, n), by unit quaternions (scalar first), so that nothing is 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal
 
 import numpy as np
@@ -21,20 +23,44 @@ SMALL_ANGLE: Final = 1e-3
 """Angle, rad, below which series of two terms are exact to rounding."""
 
 
+def _angles(vector: Array) -> Array:
+    """Return the angles of rotation vectors, rad, shape (n,)."""
+    x, y, z = vector
+    square = x * x
+    square += y * y
+    square += z * z
+    return np.asarray(np.sqrt(square))
+
+
 def to_quaternion(vector: Array) -> Array:
     """Return unit quaternions, shape (4, n)."""
-    angle = np.sqrt(np.sum(vector**2, axis=0))
-    half = 0.5 * angle
-    share = np.where(angle > SMALL_ANGLE, np.sin(half) / np.where(angle > 0.0, angle, 1.0), 0.5 - angle**2 / 48.0)
-    return np.concatenate([np.cos(half)[None], share * vector])
+    angle = _angles(vector)
+    half, regular = 0.5 * angle, angle > SMALL_ANGLE
+    result = np.empty((4, *angle.shape))
+    np.cos(half, out=result[0])
+    if regular.all():
+        share = np.sin(half, out=half)
+        share /= angle
+    elif regular.any():
+        share = np.where(regular, np.sin(half) / np.where(angle > 0.0, angle, 1.0), 0.5 - angle**2 / 48.0)
+    else:
+        share = 0.5 - angle**2 / 48.0
+    np.multiply(share, vector, out=result[1:])
+    return result
 
 
 def to_vector(quaternion: Array) -> Array:
     """Return rotation vectors of at most half a turn, shape (3, n), of quaternions, shape (4, n)."""
-    upright = np.where(quaternion[0] < 0.0, -quaternion, quaternion)
-    size = np.sqrt(np.sum(upright[1:] ** 2, axis=0))
+    turned_over = quaternion[0] < 0.0
+    upright = np.where(turned_over, -quaternion, quaternion) if turned_over.any() else quaternion
+    size = _angles(upright[1:])
     regular = size > 1e-9  # of a unit quaternion; below it the vector is twice the quaternion's
-    share = np.where(regular, 2.0 * np.arctan2(size, upright[0]) / np.where(regular, size, 1.0), 2.0)
+    if regular.all():
+        share = np.arctan2(size, upright[0])
+        share *= 2.0
+        share /= size
+    else:
+        share = np.where(regular, 2.0 * np.arctan2(size, upright[0]) / np.where(regular, size, 1.0), 2.0)
     return np.asarray(share * upright[1:])
 
 
@@ -49,9 +75,18 @@ def cross(left: Array, right: Array) -> Array:
 
 def product(left: Array, right: Array) -> Array:
     """Multiply quaternions, shape (4, n): the rotation on the right comes first."""
-    scalar = left[0] * right[0] - np.sum(left[1:] * right[1:], axis=0)
-    vector = left[0] * right[1:] + right[0] * left[1:] + cross(left[1:], right[1:])
-    return np.concatenate([scalar[None], vector])
+    (d, a, b, c), (w, x, y, z) = left, right
+    along = a * x
+    along += b * y
+    along += c * z
+    scalar = d * w - along
+    result = np.empty((4, *scalar.shape))
+    result[0] = scalar
+    for place, own, other, across in ((1, a, x, b * z - c * y), (2, b, y, c * x - a * z), (3, c, z, a * y - b * x)):
+        part = d * other
+        part += w * own
+        np.add(part, across, out=result[place])
+    return result
 
 
 def turned(vector: Array, change: Array, side: Side) -> Array:
@@ -70,12 +105,16 @@ def turn_between(vector: Array, origin: Array, side: Side) -> Array:
 def to_matrix(vector: Array) -> Array:
     """Return rotation matrices from body to reference axes, shape (n, 3, 3)."""
     w, x, y, z = to_quaternion(vector)
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    wx, wy, wz = w * x, w * y, w * z
+    result = np.empty((3, 3, len(w)))
+    for row, (first, second, third) in enumerate((
+        (1.0 - 2.0 * (yy + zz), 2.0 * (xy - wz), 2.0 * (xz + wy)),
+        (2.0 * (xy + wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz - wx)),
+        (2.0 * (xz - wy), 2.0 * (yz + wx), 1.0 - 2.0 * (xx + yy)),
+    )):  # fmt: skip
+        result[row, 0], result[row, 1], result[row, 2] = first, second, third
+    return result.transpose(2, 0, 1)
 
 
 def from_matrix(matrix: Array) -> Array:
@@ -98,9 +137,13 @@ def vector_rate(change: Array, rate: Array) -> Array:
 
     With phi and its angle a: ``phi_dot = w + phi x w / 2 + (1 - (a / 2) cot(a / 2)) / a^2 phi x (phi x w)``.
     """
-    angle = np.sqrt(np.sum(change**2, axis=0))
-    half = 0.5 * np.where(angle > SMALL_ANGLE, angle, 1.0)
-    share = np.where(angle > SMALL_ANGLE, (1.0 - half / np.tan(half)) / (4.0 * half**2), 1.0 / 12.0 + angle**2 / 720.0)
+    angle = _angles(change)
+    regular = angle > SMALL_ANGLE
+    if regular.any():
+        half = 0.5 * np.where(regular, angle, 1.0)
+        share = np.where(regular, (1.0 - half / np.tan(half)) / (4.0 * half**2), 1.0 / 12.0 + angle**2 / 720.0)
+    else:
+        share = 1.0 / 12.0 + angle**2 / 720.0
     across = cross(change, rate)
     return np.asarray(rate + 0.5 * across + share * cross(change, across))
 
@@ -136,21 +179,40 @@ class Space:
             result[place] = turn_between(x[place], origin[place], side)
         return np.asarray(result)
 
-    def advanced(self, x: Array, change: Array) -> Array:
-        """Add what rates have changed: attitudes turn in body axes."""
-        result = x + change
-        for place, _ in self.attitudes:
-            result[place] = turned(x[place], change[place], "body")
-        return np.asarray(result)
+    def advancing(self, x: Array) -> Callable[[Array], Array]:
+        """Return the sum of X, shape (size, n), and what rates have changed, as a function of it.
 
-    def rates_at(self, change: Array, rates: Array) -> Array:
-        """Return the derivative of a change from rates, of which an attitude's is its angular rate in body axes."""
+        Attitudes turn in body axes, all of them in one call.
+        """
         if not self.attitudes:
-            return rates
-        result = rates.copy()
-        for place, _ in self.attitudes:
-            result[place] = vector_rate(change[place], rates[place])
-        return result
+            return partial(np.add, x)
+        origins = to_quaternion(self._side_by_side(x))
+
+        def advanced(change: Array) -> Array:
+            result = np.asarray(x + change)
+            self._spread(to_vector(product(origins, to_quaternion(self._side_by_side(change)))), result)
+            return result
+
+        return advanced
+
+    def turn_rates(self, change: Array, rates: Array) -> Array:
+        """Return rates, shape (size, n), with those of attitudes, angular ones in body axes, as those of a change.
+
+        They are changed in place.
+        """
+        if self.attitudes:
+            self._spread(vector_rate(self._side_by_side(change), self._side_by_side(rates)), rates)
+        return rates
+
+    def _side_by_side(self, x: Array) -> Array:
+        """Return the attitudes of X, shape (3, those of all samples)."""
+        return np.concatenate([x[place] for place, _ in self.attitudes], axis=1)
+
+    def _spread(self, attitudes: Array, result: Array) -> None:
+        """Put attitudes that are side by side into X."""
+        count = result.shape[1]
+        for number, (place, _) in enumerate(self.attitudes):
+            result[place] = attitudes[:, number * count : (number + 1) * count]
 
     def deviation_rates(self, x: Array, rates: Array) -> Array:
         """Return the rates of deviations from X itself: angular rates in the axes of the deviations."""

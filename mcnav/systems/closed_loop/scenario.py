@@ -30,6 +30,7 @@ from mcnav.systems.closed_loop.engine import ClosedLoopEngine, judged_states, ma
 from mcnav.systems.closed_loop.filter import read_filter
 from mcnav.systems.closed_loop.gates import NO_GATES, LoopGates, SampleGates, around_faults, gated_filter
 from mcnav.systems.closed_loop.kept import KeptLoop, KeptLoopEngine, identity_of
+from mcnav.systems.closed_loop.kept_linearization import KeptLinearization
 from mcnav.systems.closed_loop.linear import LinearLoop, Reading
 from mcnav.systems.closed_loop.nominal_flight import linearize
 from mcnav.systems.closed_loop.own_update import stated_covariance
@@ -225,7 +226,8 @@ class ClosedLoopScenario(PlainScenario):
                 stated_covariance(maps, np.repeat(self._start[:, None], 3, axis=1), np.zeros(3))
             return linearize(maps, self._start, self.schedule, self.sizes, follow)
 
-        return self._linearized(make)
+        kept = KeptLinearization(self._object, self.spec, maps, self.sizes, self._linearized)
+        return kept.keep(self._start, self.schedule, lambda: self._linearized(make))
 
     @cached_property
     def linear_loop(self) -> LinearLoop:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from mcnav.systems.closed_loop.differences import Straight
 from mcnav.systems.closed_loop.event import Saltation
 from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.structure import Structure
+
+Group: TypeAlias = tuple[Any, ...]
+"""What a map is: its kind, and its numbers."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +135,26 @@ class LinearInstant:
         return any(update.kind in ("measure", "correct") for update in self.updates)
 
 
+@dataclass(frozen=True, eq=False)
+class FlownGroup:
+    """Maps of the flight that are one function: where they were flown.
+
+    Attributes
+    ----------
+    group : tuple
+    x : ndarray, shape (n, size)
+    at : ndarray, shape (n, k)
+        Times, s, and the like.
+    inputs : ndarray, shape (j,)
+        Sizes of what enters.
+    """
+
+    group: Group
+    x: Array
+    at: Array
+    inputs: Array
+
+
 @dataclass(frozen=True)
 class Linearization:
     """The linear system of a loop at all instants, without gains.
@@ -153,6 +177,8 @@ class Linearization:
         Largest nominal innovation of each sensor by component, SI.
     beside : str
         Digest of the values that the maps have beside the nominal, with all errors and all noise.
+    flown : tuple of FlownGroup
+        Maps of the flight that may be evaluated together; none where they must be one after the other.
     """
 
     instants: Sequence[LinearInstant]
@@ -164,6 +190,7 @@ class Linearization:
     kinks: frozenset[str]
     innovations: Mapping[int, Array]
     beside: str = ""
+    flown: tuple[FlownGroup, ...] = ()
 
     @property
     def settled(self) -> bool:

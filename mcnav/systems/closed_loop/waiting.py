@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from mcnav.arrays.types import Array
 from mcnav.systems.closed_loop.flight import Flight
 from mcnav.systems.closed_loop.maps import Maps
+from mcnav.systems.closed_loop.methods import Method
+from mcnav.systems.closed_loop.quantities import Values
 from mcnav.systems.closed_loop.setup import Setup
 from mcnav.systems.closed_loop.structure import Part, Structure
 from mcnav.systems.closed_loop.transitions import Linearization
@@ -24,9 +26,12 @@ from mcnav.systems.closed_loop.transitions import Linearization
 class _Beside(Maps):
     """Maps of samples and, as many columns after them, of the nominal flights beside them."""
 
-    def derivative(self, x: Array, time: Array, white: Array, part: Part = "both") -> Array:
+    def derivative(
+        self, x: Array, time: Array, white: Array, part: Part = "both", parameters: Values | None = None
+    ) -> Array:
         """Compute dX/dt of both parts, that of what waits from the flight beside."""
-        rates, count, held = super().derivative(x, time, white, part), x.shape[1] // 2, self.structure.navigator
+        rates = super().derivative(x, time, white, part, parameters)
+        count, held = x.shape[1] // 2, self.structure.navigator
         rates[held, :count] = rates[held, count:]
         return rates
 
@@ -57,6 +62,10 @@ class WaitingMaps(Maps):
     @property
     def apart(self) -> bool:
         """False: what waits is propagated beside the truth."""
+        return False
+
+    def triggers_by_truth(self, trigger: Method) -> bool:
+        """Return false, for the same reason."""
         return False
 
     def step(

@@ -98,8 +98,15 @@ class Earth:
 
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation, m/s^2, at earth-centred positions, shape (n, 3), i or e."""
-        x, y, z = np.asarray(position, dtype=float).T
-        return np.stack(cast(Any, gravitation).py_func(self.constants, x, y, z), axis=-1)
+        return np.stack(self.gravitation_along(*np.asarray(position, dtype=float).T), axis=-1)
+
+    def gravitation_along(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+        """Compute the gravitation, m/s^2, along each axis, shape (n,), at earth-centred positions, i or e."""
+        if self.zonals.any():
+            return cast(tuple[Array, Array, Array], cast(Any, gravitation).py_func(self.constants, x, y, z))
+        inverse = 1.0 / np.sqrt(x * x + y * y + z * z)  # a central field: the same bits without sums of zeros
+        along = -self.gravitational_parameter * inverse * inverse * inverse
+        return along * x, along * y, along * z
 
     def gravity_gradient(self, position: Array) -> Array:
         """Compute the gradient of the gravitation, 1/s^2, at positions, shape (n, 3): shape (n, 3, 3)."""

@@ -58,7 +58,7 @@ def simulated(monkeypatch: pytest.MonkeyPatch, chunks: int, seconds: float, jobs
     monkeypatch.setattr(processes, "time", machine)
     monkeypatch.setattr(processes, "submit", machine.submit)
     monkeypatch.setattr(processes, "wait", machine.wait)
-    monkeypatch.setattr(processes, "_cost_of_a_worker", lambda work: COST)
+    monkeypatch.setattr(processes, "start_first", lambda: COST)
     places = [SampleRange(number, number, number + 1) for number in range(chunks)]
     numbers = [number for number, _ in processes._run_pool(None, places, jobs)]  # type: ignore[arg-type]
     assert sorted(numbers) == list(range(chunks))

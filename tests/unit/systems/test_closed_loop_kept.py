@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import Batch
 from mcnav.execution.progress import TooLong
-from mcnav.systems.closed_loop import engine, soundness
+from mcnav.systems.closed_loop import engine, nominal_flight, soundness
 from mcnav.systems.user import code, kept
 
 LOOP = """
@@ -123,3 +124,59 @@ def test_what_takes_too_long_is_not_simulated_unless_it_is_kept(tmp_path: Path) 
         scenario.keeping(ready, 1e-9).simulate(batch)
     scenario.keeping(ready, np.inf).simulate(batch)
     assert len(scenario.keeping(ready, 1e-9).simulate(batch).values) == 3
+
+
+@pytest.fixture
+def differentiated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Numbers of maps that are differentiated, call by call."""
+    counts: list[int] = []
+    differentiate = nominal_flight.differentiate_flown
+
+    def counted(flown: Any, *given: Any) -> Any:
+        counts.append(len(flown))
+        return differentiate(flown, *given)
+
+    monkeypatch.setattr(nominal_flight, "differentiate_flown", counted)
+    return counts
+
+
+def _numbers(value: Any) -> list[Any]:
+    """Return all numbers and texts of a structure."""
+    if isinstance(value, np.ndarray):
+        return [value.shape, value.tobytes()]
+    if is_dataclass(value):
+        return [each for field in fields(value) for each in _numbers(getattr(value, field.name))]
+    if isinstance(value, (tuple, list)):
+        return [each for part in value for each in _numbers(part)]
+    return _numbers(list(value.items())) if isinstance(value, dict) else [value]
+
+
+def test_derivatives_are_those_of_an_earlier_command(tmp_path: Path, differentiated: list[int]) -> None:
+    first = _scenario(tmp_path).linearization
+    assert len(differentiated) == 1
+    second = _scenario(tmp_path).linearization
+    assert len(differentiated) == 1
+    assert _numbers(second) == _numbers(first)
+
+
+@pytest.mark.parametrize("change", ["text", "size", "environment", "hidden", "trigger"])
+def test_another_loop_is_differentiated(
+    change: str, tmp_path: Path, differentiated: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text, gusts = LOOP.replace('"MOST_', '"MOST" "_') if change == "hidden" else LOOP, "0.1"
+    if change == "trigger":
+        ends = 'Trigger(lambda time: time - float(os.environ.get("MOST" "_TIME", "7.3")), latest=12.0)'
+        text = LOOP.replace("cycle, end = 1.0, 10.0", f"cycle, end = 1.0, {ends}").replace("White", "Trigger, White", 1)
+    _scenario(tmp_path, text).linearization  # noqa: B018
+    if change == "text":
+        text = LOOP + "# changed\n"
+    elif change == "size":
+        gusts = "0.11"
+    elif change == "trigger":
+        monkeypatch.setenv("MOST_TIME", "7.4")
+    else:
+        monkeypatch.setenv("MOST_COMMAND", {"environment": "5", "hidden": "0.5"}[change])
+    changed = _scenario(tmp_path, text, gusts).linearization
+    assert len(differentiated) == 2
+    if change == "trigger":
+        assert changed.end_time == pytest.approx(7.4)

@@ -13,11 +13,12 @@ from mcnav.arrays.types import Array
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import suggestion
 from mcnav.systems.closed_loop.declarations import Attitude, GaussMarkov, Unit, White
+from mcnav.systems.closed_loop.quantities import Values
 from mcnav.systems.closed_loop.strapdown.planet_axes import PlanetAxes, turned
 from mcnav.systems.ins import earth
 from mcnav.systems.ins.earth import WGS84, Earth
 from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
-from mcnav.systems.ins.imu.readings import compensate, reading_errors, response_matrix
+from mcnav.systems.ins.imu.readings import CROSS_PLACES, compensate, reading_errors
 from mcnav.systems.ins.tables.imu import CONSTANTS
 from mcnav.systems.ins.tables.imu_catalogue import units_of_values
 
@@ -160,14 +161,29 @@ class Strapdown:
 
     def sense(self, force: Array, rate: Array, parameters: Any, noise: Any) -> dict[str, Array]:
         """Compute what is read of the true ``force``, m/s^2, and ``rate``, rad/s, in body axes, shape (n, 3)."""
-        errors = {name: getattr(parameters, name) for name in ERRORS}
-        gyro, accelerometer = _responses(errors, len(force))
+        gyro, accelerometer = self._responses_of(parameters, len(force))
         drift = noise.gyro_angle_random_walk + noise.gyro_bias_instability
         push = noise.accelerometer_velocity_random_walk + noise.accelerometer_bias_instability
         return {
             "rate": rate + reading_errors(rate[:, None], force[:, None], gyro)[:, 0] + drift,
             "force": force + reading_errors(force[:, None], (force**2)[:, None], accelerometer)[:, 0] + push,
         }
+
+    def _responses_of(self, parameters: Any, count: int) -> tuple[Array, Array]:
+        """Arrange the true constant errors, once for all derivatives of a step, whose parameters are the same object.
+
+        A loop's cannot be changed.
+        """
+        if self._last and self._last[0] is parameters:
+            known: tuple[Array, Array] = self._last[1]
+            return known
+        responses = _responses({name: getattr(parameters, name) for name in ERRORS}, count)
+        self._last[:] = [parameters, responses] if isinstance(parameters, Values) else []
+        return responses
+
+    @cached_property
+    def _last(self) -> list[Any]:
+        return []
 
     def navigate(self, estimate: Any, sensed: Any) -> dict[str, Array]:
         """Compute the indicated rates, SI, from readings of shape (n, 3), compensated for what is estimated."""
@@ -181,10 +197,20 @@ class Strapdown:
         return self.frame.move(estimate.position, estimate.velocity, estimate.attitude, force, rate)
 
 
+_PLACES: Final[Mapping[str, tuple[tuple[int, ...], int | tuple[int, ...]]]] = {
+    "bias": ((0, 1, 2), 3), "scale_factor": ((0, 1, 2), (0, 1, 2)), "misalignment": CROSS_PLACES,
+}  # fmt: skip
+"""Places of kinds of constant errors in an instrument's response; those of its law are the last column."""
+
+
 def _responses(errors: Mapping[str, Array], count: int) -> tuple[Array, Array]:
     """Arrange constant errors of gyros and accelerometers, shape (count, 3, 5) each; those not given are zero."""
     matrices = []
-    for kinds in INSTRUMENTS.values():
-        columns = [errors.get(name, np.zeros((count, len(axes)))) for name, (_, axes) in kinds.items()]
-        matrices.append(response_matrix(np.concatenate(columns, axis=1)))
+    for instrument, kinds in INSTRUMENTS.items():
+        response = np.zeros((count, 3, 5))
+        for name in kinds:
+            if name in errors:
+                rows, columns = _PLACES.get(name.removeprefix(f"{instrument}_"), ((0, 1, 2), 4))
+                response[:, rows, columns] = errors[name]
+        matrices.append(response)
     return matrices[0], matrices[1]

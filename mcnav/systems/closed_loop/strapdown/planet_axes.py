@@ -13,12 +13,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.systems.ins.earth import Earth, local_axes
+
+Rows: TypeAlias = Any
+"""Matrices by row and column: numbers, or arrays of shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -63,19 +66,22 @@ class PlanetAxes:
         rate = self.planet.rotation_rate if self.kind == "fixed" else 0.0
         return np.asarray(rate * self.to_planet[2])
 
+    @cached_property
+    def _spin(self) -> list[Any]:
+        return list(self.spin)
+
+    @cached_property
+    def _turns(self) -> tuple[Rows, Rows]:
+        """Rows of the matrices to the planet's axes, and back."""
+        return self.to_planet.tolist(), self.to_planet.T.tolist()
+
     def gravitation(self, position: Array) -> Array:
         """Compute the gravitation g at positions, both of shape (n, 3)."""
-        if self.site is None:
-            return self.planet.gravitation(position)
-        return turned(self.to_planet.T, self.planet.gravitation(turned(self.to_planet, self.origin + position)))
+        return np.stack(self._pulled(list(position.T)), axis=-1)
 
     def fall(self, position: Array, velocity: Array) -> Array:
         """Compute the acceleration over the axes without a specific force, shape (n, 3)."""
-        result = self.gravitation(position)
-        if self.spin.any():
-            centrifugal = _across(self.spin, _across(self.spin, self.origin + position))
-            result = result - 2.0 * _across(self.spin, velocity) - centrifugal
-        return result
+        return np.stack(self._falling(position, velocity), axis=-1)
 
     def move(self, position: Array, velocity: Array, attitude: Array, force: Array, rate: Array) -> dict[str, Array]:
         """Compute the rates of position, velocity and attitude by their names.
@@ -85,9 +91,36 @@ class PlanetAxes:
         position, velocity, force, rate : ndarray, shape (n, 3)
         attitude : ndarray, shape (n, 3, 3)
         """
-        turning = rate - turned(attitude.swapaxes(1, 2), np.broadcast_to(self.spin, rate.shape))
-        felt = turned(attitude, force)
-        return {"position": velocity, "velocity": felt + self.fall(position, velocity), "attitude": turning}
+        result = np.empty((2, 3, len(force)))
+        axes = _turned(attitude.transpose(2, 1, 0), self._spin)
+        felt, falling = _turned(attitude.transpose(1, 2, 0), list(force.T)), self._falling(position, velocity)
+        for axis in range(3):
+            np.add(felt[axis], falling[axis], out=result[0, axis])
+            np.subtract(rate[:, axis], axes[axis], out=result[1, axis])
+        return {"position": velocity, "velocity": result[0].T, "attitude": result[1].T}
+
+    def _falling(self, position: Array, velocity: Array) -> list[Array]:
+        """Compute `fall`, axis by axis."""
+        place = list(position.T)
+        falling = self._pulled(place)
+        if any(self._spin):
+            coriolis = _across(self._spin, list(velocity.T))
+            outwards = _across(self._spin, _across(self._spin, self._from_centre(place)))
+            for axis in range(3):
+                falling[axis] -= 2.0 * coriolis[axis]
+                falling[axis] -= outwards[axis]
+        return falling
+
+    def _pulled(self, place: list[Array]) -> list[Array]:
+        """Compute the gravitation, axis by axis, at a position given so."""
+        if self.site is None:
+            return list(self.planet.gravitation_along(*place))
+        there, back = self._turns
+        along = self.planet.gravitation_along(*_turned(there, self._from_centre(place)))
+        return _turned(back, list(along))
+
+    def _from_centre(self, place: list[Array]) -> list[Array]:
+        return [origin + along for origin, along in zip(self.origin, place, strict=True)]
 
     def altitude(self, position: Array) -> Array:
         """Compute the altitude above the planet's figure at positions, shape (n, 3): shape (n,)."""
@@ -96,14 +129,22 @@ class PlanetAxes:
 
 def turned(matrix: Array, vectors: Array) -> Array:
     """Turn vectors, shape (n, 3), by matrices, shape (n, 3, 3) or (3, 3): with the same bits for any n."""
-    x, y, z = vectors.T
-    rows = [matrix[..., row, 0] * x + matrix[..., row, 1] * y + matrix[..., row, 2] * z for row in range(3)]
-    return np.stack(rows, axis=-1)
+    return np.stack(_turned(np.moveaxis(matrix, (-2, -1), (0, 1)), list(vectors.T)), axis=-1)
 
 
-def _across(one: Array, vectors: Array) -> Array:
-    """Return the cross products of one vector, shape (3,), with others, shape (n, 3): `numpy.cross` is slow for few."""
-    (a, b, c), (x, y, z) = one, vectors.T
-    result = np.empty(vectors.shape)
-    result[:, 0], result[:, 1], result[:, 2] = b * z - c * y, c * x - a * z, a * y - b * x
-    return result
+def _turned(rows: Rows, vector: list[Array]) -> list[Array]:
+    """Turn vectors by the rows of matrices, axis by axis."""
+    x, y, z = vector
+    turned = []
+    for first, second, third in rows:
+        along = first * x
+        along += second * y
+        along += third * z
+        turned.append(along)
+    return turned
+
+
+def _across(one: list[Array], vector: list[Array]) -> list[Array]:
+    """Return the cross products of one vector with others, axis by axis."""
+    (a, b, c), (x, y, z) = one, vector
+    return [b * z - c * y, c * x - a * z, a * y - b * x]

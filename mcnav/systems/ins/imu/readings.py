@@ -19,6 +19,9 @@ from mcnav.systems.ins.imu.instruments import AXES, CROSS_AXES
 
 _CROSS: Final = tuple((AXES.index(reads), AXES.index(along)) for reads, along in CROSS_AXES)
 
+CROSS_PLACES: Final = tuple(reads for reads, _ in _CROSS), tuple(along for _, along in _CROSS)
+"""Rows and columns of misalignments in an instrument's matrix."""
+
 
 def _places() -> list[int]:
     """Return the constant that stands at each place of an instrument's matrix, row by row."""
