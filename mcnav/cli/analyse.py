@@ -15,6 +15,7 @@ from mcnav.cli.options import (
     FormatOption,
     Jobs,
     columns_of,
+    options_in_messages,
     out_folder,
     pairs_of,
 )
@@ -205,7 +206,8 @@ def judge(
         content = read_campaign(campaign)
         if content.ranges:
             print_notes(["judge compares the upper ends of ranges with the record: a smaller size may lie within them"])
-        judgement, files = write_judgement(content, described, target, records)
+        with options_in_messages():
+            judgement, files = write_judgement(content, described, target, records)
         out.print(printed(judged.terminal(judgement)), soft_wrap=False)
     out.print()
     print_written(files)
@@ -413,7 +415,8 @@ def identify(
 
     columns = columns_of(column, "--column", "NAME=COLUMN such as gyro_x=wx")
     units = columns_of(unit, "--unit", "NAME=UNIT such as gyro=deg/s")
-    report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
+    with options_in_messages():
+        report = identify_logs(logs, read_plan(columns, units, interval, begin, end, below, campaign))
     if form == "table":
         out.print(printed(terminal(report, full)), soft_wrap=False)
     else:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +14,8 @@ import typer
 from mcnav.cli import shell_completion as completion
 from mcnav.cli.printing import Format
 from mcnav.cli.program import BAD_INPUT, failure
+from mcnav.errors import CampaignError
+from mcnav.execution.shell import quote_word
 from mcnav.systems.templates import templates
 
 Axes = Literal["start", "trajectory"]
@@ -97,3 +102,29 @@ def columns_of(
             raise failure(f"{option}: got {pair!r}; expected {expected}", BAD_INPUT)
         columns[name.strip()] = written.strip()
     return columns
+
+
+@contextmanager
+def options_in_messages() -> Iterator[None]:
+    """Write columns and units to paste as options of the command, where a message has them as a table of a campaign."""
+    try:
+        yield
+    except CampaignError as wrong:
+        raise CampaignError(
+            [replace(problem, message=as_options(problem.message)) for problem in wrong.problems]
+        ) from None
+
+
+def as_options(message: str) -> str:
+    """Write the tables of columns and units in a message as options.
+
+    >>> as_options('say which: columns = { gyro_x = "w x" }, units = { gyro = "rad/s" }')
+    "say which: --column 'gyro_x=w x' --unit gyro=rad/s"
+    """
+
+    def options(table: re.Match[str]) -> str:
+        pairs = re.findall(r'(\w+) = "([^"]*)"', table[2])
+        return " ".join(f"--{table[1]} {quote_word(f'{name}={written}')}" for name, written in pairs)
+
+    text = re.sub(r"\b(column|unit)s = \{ (.*?) \}", options, message)
+    return text.replace(", --unit", " --unit") if text != message else message

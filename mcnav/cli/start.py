@@ -35,7 +35,7 @@ from mcnav.cli.printing import (
     print_written,
 )
 from mcnav.cli.program import CHECK_FAILED, SOME_FAILED, command, failure, new
-from mcnav.docs.pages import Page, page_text
+from mcnav.docs.pages import PAGES, page_text
 
 if TYPE_CHECKING:
     from mcnav.analysis.remedies import Remedies
@@ -389,7 +389,12 @@ def new_scenario(
 @command()
 def docs(
     page: Annotated[
-        Page, typer.Argument(metavar="PAGE", help="Page to show; imu is the catalogue of units.")
+        str,
+        typer.Argument(
+            metavar="PAGE",
+            help="Page to show; the guide lists all, imu is the catalogue of units.",
+            autocompletion=lambda incomplete: [name for name in (*PAGES, "imu") if name.startswith(incomplete)],
+        ),
     ] = "guide",
     name: Annotated[
         str | None,
@@ -413,6 +418,12 @@ def docs(
         return
     if name is not None or form != "table":
         raise failure(f"{name or '--format'}: belongs to the page imu; leave it out")
+    if page not in PAGES:
+        from mcnav.errors import did_you_mean, near_names
+        from mcnav.physics.units import printable
+
+        near = did_you_mean(near_names(page, [*PAGES, "imu"])) or ";"
+        raise failure(f"PAGE: {printable(page)!r} is unknown{near} mcnav docs lists all")
     text = page_text(page)
     if out.is_terminal:
         from rich.markdown import Markdown

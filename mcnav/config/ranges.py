@@ -7,7 +7,7 @@ All of the program but the studies of boxes (`mcnav.studies.box`) sees the nomin
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from mcnav.config.toml import Content
@@ -49,6 +49,33 @@ class SpecRange:
     def upper(self) -> str | int | float:
         """The upper end as a campaign file has it: the nominal value."""
         return self.span.written(self.span.high)
+
+    @property
+    def lower(self) -> str | int | float:
+        """The lower end as a campaign file has it."""
+        return self.span.written(self.span.low)
+
+    @property
+    def keys(self) -> tuple[str, str]:
+        """Names of its place in the messages of mistakes: by the names of sensors, and by their numbers."""
+        numbered = "".join(f".{name}" if isinstance(name, str) else f" #{name + 1}" for name in self.place)
+        return self.path, numbered.removeprefix(".")
+
+
+def quote_ranges(problem: Problem, ranges: Iterable[SpecRange]) -> Problem:
+    """Return a mistake at an end of a range with the range as written, where the end is quoted.
+
+    >>> _, ranges = split_ranges({"errors": {"velocity": "1..5 kg"}}, "")
+    >>> quote_ranges(Problem("", "errors.velocity", "got '5.0 kg', which is of dimension [mass]"), ranges).message
+    "got '1..5 kg', which is of dimension [mass]"
+    """
+    for spec in ranges:
+        if problem.key in spec.keys:
+            message = problem.message.replace(repr(spec.upper), repr(spec.text))
+            if repr(spec.lower) in message:  # without the value in SI units that nobody wrote
+                message = message.replace(repr(spec.lower), repr(spec.text)).partition("; got ")[0]
+            problem = replace(problem, message=message)
+    return problem
 
 
 def split_ranges(content: Mapping[str, Any], file: str) -> tuple[Content, tuple[SpecRange, ...]]:

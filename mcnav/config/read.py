@@ -10,7 +10,7 @@ from typing import Any
 
 from mcnav.config.campaign import Campaign, check_stored_samples
 from mcnav.config.documents import SI, Description, document_of
-from mcnav.config.ranges import split_ranges
+from mcnav.config.ranges import quote_ranges, split_ranges, with_values
 from mcnav.config.requirement_times import with_epochs
 from mcnav.config.requirements import check_requirements, read_requirements
 from mcnav.config.resolved import campaign_of
@@ -117,8 +117,16 @@ def parse_campaign(
     """
     content, ranges = split_ranges({**content, **(overrides or {})}, file)
     context = FileContext(file, Path(file).parent, earlier or {}, content, confined, code or {})
-    with numbers_in_si(content.get("units") == SI) as numbers:
-        return replace(_parse(context, stem, numbers), ranges=ranges, content=content)
+    try:
+        with numbers_in_si(content.get("units") == SI) as numbers:
+            campaign = replace(_parse(context, stem, numbers), ranges=ranges, content=content)
+            if lowest := {spec.place: spec.lower for spec in ranges if spec.span.low <= 0.0}:  # which sizes refuse
+                _parse(replace(context, content=with_values(content, lowest), problems=[]), stem, numbers)
+            return campaign
+    except CampaignError as wrong:
+        if not ranges:
+            raise
+        raise CampaignError([quote_ranges(problem, ranges) for problem in wrong.problems]) from None
 
 
 def _parse(context: FileContext, stem: str, numbers: PlainNumbers) -> Campaign:

@@ -127,7 +127,8 @@ def read_errors(
             break
         if name not in known:
             if not known_sources.may_be(name):
-                context.problem(key, f"unknown error source{suggestion(name, list(known))}")
+                names = list(dict.fromkeys([*(source.group for source in sources if source.group), *known]))
+                context.problem(key, f"unknown error source{suggestion(name, names)}")
         elif key not in wrong:
             distribution = _read_distribution(entry.value, known[name], key, context)
             if distribution is None:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from importlib.resources import files
-from typing import Final, Literal, get_args
+from typing import Final
 
-Page = Literal[
+_NAMES: Final = (
     "guide", "tutorial-reentry", "tutorial-cruise", "tutorial-flight", "tutorial-aided", "tutorial-scenario",
     "tutorial-noise", "tutorial-closed-loop", "tutorial-record", "questions", "howto-instruments", "howto-logs",
     "howto-filter", "howto-landing", "howto-judge", "howto-requirements", "howto-ranges", "howto-rare", "howto-samples",
     "howto-compare", "howto-export", "howto-failures", "method", "examination", "rare-events", "theory", "report",
     "glossary", "notation", "campaigns", "scenarios", "trajectories", "commands", "notebook", "scaling",
     "architecture", "decisions", "kernels", "security",
-    "tn-d1772", "story", "textbook", "ukfm", "other-tools", "imu",
-]  # fmt: skip
+    "tn-d1772", "story", "textbook", "ukfm", "other-tools",
+)  # fmt: skip
 
-_ELSEWHERE: Final[dict[Page, str]] = {
+_ELSEWHERE: Final[dict[str, str]] = {
     "tn-d1772": "validation/reproduce/tn_d1772/TN_D1772.md",
     "story": "validation/reproduce/story_of_84_minutes/STORY_OF_84_MINUTES.md",
     "textbook": "validation/reproduce/textbook/TEXTBOOK.md",
@@ -23,7 +23,7 @@ _ELSEWHERE: Final[dict[Page, str]] = {
 }
 
 
-def _file(page: Page) -> str:
+def _file(page: str) -> str:
     """Find the file of a page.
 
     >>> _file("tutorial-noise"), _file("guide")
@@ -35,10 +35,10 @@ def _file(page: Page) -> str:
     return _ELSEWHERE.get(page, f"docs/{page.upper().replace('-', '_')}.md")
 
 
-PAGES: Final[dict[Page, str]] = {page: _file(page) for page in get_args(Page) if page != "imu"}
-"""Files of the pages, from the folder of this package; the catalogue of units is no file."""
+PAGES: Final[dict[str, str]] = {page: _file(page) for page in _NAMES}
+"""Files of the pages, from the folder of this package; the guide, which lists them, is first."""
 
 
-def page_text(page: Page) -> str:
+def page_text(page: str) -> str:
     """Read a page, in Markdown."""
     return files("mcnav").joinpath(PAGES[page]).read_text(encoding="utf-8")

@@ -84,7 +84,7 @@ def test_dispersion_that_linear_analysis_has_not_ends_the_range() -> None:
     assert found.agrees_until[2:].tolist() == [0.1, 0.1]
     words = answer(["y", "z", "w"], found, 0.05)
     assert words.startswith("At no multiple is every sigma shown to be within ±5 % of the linear one: w is not")
-    assert words.endswith("Their joint distribution is not shown to agree even at 0.1 times the stated errors.")
+    assert words.endswith("The full covariance matrix is not shown to agree even at 0.1 times the stated errors.")
     assert [row[1][0] for row in linearity_rows(["y", "z", "w"], found)][2:] == ["< 0.1", "< 0.1"]
 
 

@@ -24,7 +24,8 @@ ALONE: Final = 2.0
 
 RATIO: Final = Series("flown", "Monte Carlo σ / linear σ", FLOWN)
 INTERVAL: Final = Series("interval", "interval", AREA, "area")
-LEAVES: Final = Series("leaves", "exceeds tolerance", INK)
+AGREES: Final = Series("agrees", "shown up to here", INK)
+LEAVES: Final = Series("leaves", "exceeds tolerance", MUTED)
 
 MATTERS: Final = Series("matters", "significant source", LINEAR, "dot")
 MINOR: Final = Series("minor", "minor source", MUTED, "ring")
@@ -44,9 +45,10 @@ def ratios(dispersion_range: DispersionRange, tolerance: float, names: Sequence[
         name="ratios",
         title="Sigma ratio against the multiple of the errors",
         description="Paired sigma ratio with its interval for each output and the joint distribution, against the "
-        "multiple of the campaign's errors. A dashed line marks where it leaves the tolerance.",
+        "multiple of the campaign's errors. Lines mark up to where it is shown to agree, and where it leaves the "
+        "tolerance.",
         panels=[_ratio(name, dispersion_range, tolerance, column) for column, name in enumerate(names)],
-        key=(RATIO, INTERVAL, TOLERANCE, LEAVES),
+        key=(RATIO, INTERVAL, TOLERANCE, AGREES, LEAVES),
         columns=columns,
         size=(THIRD[0], 240.0),
         file="linearity_dispersion.csv",
@@ -70,6 +72,8 @@ def _ratio(name: str, dispersion_range: DispersionRange, tolerance: float, colum
     marks: list[Mark] = [Band(INTERVAL, multiples, low[shown], top), Line(RATIO, multiples, ratio[shown], 2.4)]
     if shown.sum() == 1:
         marks.append(Points(Series(RATIO.name, "", FLOWN, "dot"), multiples, ratio[shown]))
+    if np.isfinite(dispersion_range.agrees_until[column]):
+        marks.append(Rule(float(dispersion_range.agrees_until[column]), width=1.6, series=AGREES))
     if np.isfinite(dispersion_range.departs[column]):
         marks.append(Rule(float(dispersion_range.departs[column]), width=1.6, series=LEAVES))
     first, last = (float(multiple) for multiple in dispersion_range.multiples[[0, -1]])

@@ -21,7 +21,7 @@ from mcnav.report.results.model import RunAnalysis
 
 FLOWN_MEAN: Final = Series("flown", "Monte Carlo", FLOWN)
 INTERVAL: Final = Series("interval", "its interval", AREA, "area")
-BY_LINEAR: Final = Series("linear", "linear analysis", LINEAR)
+BY_LINEAR: Final = Series("linear", "linear", LINEAR)
 BOUNDS: Final = Series("bounds", "if consistent", BAND, "area")
 
 Columns = dict[str, Sequence[Any] | NDArray[Any]]
@@ -65,7 +65,7 @@ def _nees_panel(consistency: FilterConsistency, group: GroupConsistency, shaded:
     low, high = group.nees.each.T
     reach = np.concatenate([group.nees.value, low, high, [] if linear is None else linear, group.bounds_together])
     return Panel(
-        f"{group_title(group)}: {_counted(group.size, 'state')}",
+        f"{group_title(group)}: {group.size}",
         whole_flight(consistency),
         upward("NEES", "", reach),
         [

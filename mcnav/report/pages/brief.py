@@ -21,8 +21,7 @@ from mcnav.report.pages.run.page import figures
 from mcnav.report.pages.run.sections.remedies import ALL_REMEDIES, remedies_section
 from mcnav.report.pages.run.tiles import NAMES, tiles
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.requirements import requirement_in_brief, three_digits, worst_requirement
-from mcnav.report.statements.verdicts import Statement
+from mcnav.report.statements.requirements import worst_requirement
 from mcnav.report.statements.words import listed
 
 LISTED: Final = 3
@@ -50,7 +49,7 @@ def page(content: RunAnalysis, links: Links) -> Page:
     The board asks whether requirements are met; without requirements, whether what is worst can be trusted.
     """
     summary, drawn = content.summary, figures(content)
-    stated = [_for_board(content, statement) for statement in stated_on(content)]
+    stated = stated_on(content)
     stated.sort(key=lambda statement: ("means", "requirements").index(statement.subject)
                 if statement.subject in ("means", "requirements") else 2)  # fmt: skip
     made = [replace(tile, details=(), further=(), link="") for tile in tiles(summary, stated, (), content.time_unit)]
@@ -68,35 +67,6 @@ def page(content: RunAnalysis, links: Links) -> Page:
         f"{summary.campaign}, brief", "Brief", summary.campaign, slide.parts, present,
         status=stated[0].sentence, tone=stated[0].tone, slide=True,
     )  # fmt: skip
-
-
-def _for_board(content: RunAnalysis, statement: Statement) -> Statement:
-    """Add to the verdict on requirements the margin of the tightest, and with what confidence it is known."""
-    row = worst_requirement(content.summary, content.time_unit)
-    if statement.subject != "requirements" or row is None:
-        return statement
-    return replace(statement, consequences=(f"{capitalized(requirement_in_brief(row))}.", confidence_words(row)))
-
-
-def capitalized(words: str) -> str:
-    """Begin with a capital letter."""
-    return f"{words[:1].upper()}{words[1:]}"
-
-
-def confidence_words(row: RequirementRow) -> str:
-    """Say by how much a requirement is met or missed, and what the samples bound it by.
-
-    A bound is one-sided, of the confidence of the run.
-    """
-    entry, (low, high) = row.entry, row.entry.interval
-    confidence = f"{100.0 * row.summary.confidence:g} % confidence"
-    if entry.kind == "box":
-        return f"With {confidence} at least {three_digits(row, low)}." if low is not None else ""
-    margin = f"Margin {MULTIPLE(rounded(entry.limits[0] / entry.estimate))}; " if entry.estimate else ""
-    bound = low if entry.finding == "not met" else high
-    side = "at least" if entry.finding == "not met" else "at most"
-    words = f"{margin}with {confidence} {side} {three_digits(row, bound)}." if bound is not None else margin
-    return capitalized(words)
 
 
 def _requirements(content: RunAnalysis, links: Links) -> Section | None:

@@ -16,7 +16,7 @@ from mcnav.analysis.summary import Summary
 from mcnav.contract.quantities import EndWords, end_words
 from mcnav.errors import shortened
 from mcnav.physics.units import conversion
-from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
+from mcnav.report.document.parts import Facts, Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table, counted, five_digits
 from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.drawing.marks import Axis, Interval, Mark, Panel, Points, Rule, Series
@@ -49,8 +49,14 @@ COMMON: Final = (
     "Common random numbers: sample k of both runs uses the same ones, so that sampling noise cancels in the difference."
 )
 
-FIRST: Final = 16
+FIRST: Final = 18
 """Lines of outputs and runs that the figure of the first screen has room for."""
+
+NAMED: Final = 3
+"""Inputs that differ that the first screen names."""
+
+LONGEST: Final = 40
+"""Characters of a value of them."""
 
 MOST_INPUTS: Final = 1_000
 """Inputs that differ that are listed: a stranger's manifest may have a million."""
@@ -230,7 +236,22 @@ def page(
     sections.append(Section("budget", "Error budget", budgets))
     heading = ", ".join(titles)
     verdict, most = _changed(titles, rows), ratios(_changed_most(rows), titles)
-    return answered(Page(heading, "Comparison of runs", heading, [verdict], sections=sections), most, RESULTS)
+    head = joined(verdict, _inputs_in_brief(manifests))
+    return answered(Page(heading, "Comparison of runs", heading, head, sections=sections), most, RESULTS)
+
+
+def _inputs_in_brief(manifests: Sequence[Manifest]) -> Facts | None:
+    """Name the first keys of the campaign that differ, with their values in two runs; none where none differs."""
+    rows = [(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()]
+    if not rows:
+        return None
+    entries = [
+        (key, " → ".join(values).replace(ABSENT, "absent") if max(map(len, values)) <= LONGEST else "changed")
+        for key, values in rows[:NAMED]
+    ]
+    if (more := len(rows) - NAMED) > 0:
+        entries.append(("and", f"{more} more changed input{'s' * (more > 1)}"))
+    return Facts(entries, below=True)
 
 
 def _changed_most(rows: Sequence[Row]) -> list[Row]:

@@ -83,7 +83,8 @@ def _verdict(comparison: KindComparison) -> Verdict:
             groups.setdefault(result.verdict, []).append(result.kind)
         words = [f"{joined(kinds)} {'is' if len(kinds) == 1 else 'are'} {verdict}" for verdict, kinds in groups.items()]
         tones = {TONES.get(result.verdict, "undecided") for result in comparison.results}
-        return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index), _worst_ratio(comparison))
+        said = [*_worst_ratio(comparison), *_more(comparison)]
+        return Verdict(f"{'; '.join(words)}.", max(tones, key=WORST.index), said)
     words = []
     for kind, begin in comparison.optimistic_from.items():
         at = None if begin is None else shown(comparison.variable, begin)
@@ -105,6 +106,12 @@ def _worst_ratio(comparison: KindComparison) -> list[str]:
     ratio, worst = max(wrong, key=lambda pair: pair[0])
     of = humanize(worst.decided_by)
     return [f"Worst: {of} errors of {worst.kind} are {number(ratio, 2)} times what it computes."]
+
+
+def _more(comparison: KindComparison) -> list[str]:
+    """Say that more samples may decide, where a kind is undecided."""
+    few = [result.summary.samples for result in comparison.results if result.verdict == "undecided"]
+    return [f"{min(few):,} samples do not decide: run more with --samples."] if few else []
 
 
 def kind_table(comparison: KindComparison) -> Table[KindResult]:

@@ -164,12 +164,12 @@ def _in_brief(report: IdentificationReport) -> list[Part]:
     said = [f"Model of {_axes_words(names)}: {words}." for words, names in models.items()]
     noticed = list(remarks(report))
     left = len(noticed) - NOTICED
-    more = [f"{left} more remarks: --full."] if left > 0 else []
+    more = f"{left} more remark{'s' * (left > 1)}, i" if left > 0 else "I"
     return [
         *_head(report), Table("", columns, list(rows), "Noise; < is an upper bound", group=lambda key: key[0]),
-        *map(Sentence, said), *(Sentence(remark, "undecided") for remark in noticed[:NOTICED]), *map(Sentence, more),
+        *map(Sentence, said), *(Sentence(remark, "undecided") for remark in noticed[:NOTICED]),
         *([_sigma_table(report.sigmas)] if report.sigmas is not None else []),
-        Note("Intervals, tests, grades and the table [imu]: --full. --out FOLDER writes them as files."),
+        Note(f"{more}ntervals, tests, table [imu]: --full. Files: --out FOLDER."),
     ]  # fmt: skip
 
 
@@ -311,7 +311,8 @@ def remarks(report: IdentificationReport) -> Iterator[str]:
     for log in report.logs:
         for note in log.notes:
             notes.setdefault(note, []).append(short[log.name])
-    yield from (f"{', '.join(names)}: {note}" for note, names in notes.items())
+    alone = len(report.logs) == 1
+    yield from (note if alone else f"{', '.join(names)}: {note}" for note, names in notes.items())
     yield from report.notes
     yield from _all_departures(report)
     for axis in report.axes:

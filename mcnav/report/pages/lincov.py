@@ -84,14 +84,29 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
 
 
 def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
-    """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst."""
+    """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst.
+
+    Requirements that are met follow what fails; they are not green where linear analysis was not examined.
+    """
     answer = as_read(answer)
     large = list(large_mean_words(answer))
     examined = [*examination_words(answer), *corrected_words(answer)]
     said = [*box_words(answer), *examined, *range_words(answer), *rejection_words(answer), *filter_words(answer)]
-    if answer.beyond is None or any(requirement.judged for requirement in answer.requirements):
-        said.append(headline(answer))
-    return [*large, *worst_first([*said, *([] if large else mean_words(answer)), *size_words(answer)])]
+    said += [*([] if large else mean_words(answer)), *size_words(answer)]
+    judged = any(requirement.judged for requirement in answer.requirements)
+    if judged or answer.beyond is None:
+        words, tone = headline(answer)
+        if judged and tone == "agrees" and not (answer.box is not None and answer.box.varies):
+            failing, others = parted(worst_first(said))
+            return [*large, *failing, (words, "" if answer.unexamined else tone), *others]
+        said.append((words, tone))
+    return [*large, *worst_first(said)]
+
+
+def parted(sentences: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Return the sentences on what fails or is undecided, and the others."""
+    failing = [sentence for sentence in sentences if sentence[1] not in ("", "agrees")]
+    return failing, [sentence for sentence in sentences if sentence not in failing]
 
 
 def largest_causes(answer: LinearAnswer) -> list[str]:

@@ -62,6 +62,9 @@ TITLES: Final = 4
 ROWS: Final = 3
 """Findings listed where there are more than one more."""
 
+TALL: Final = 380.0
+"""Least height of the figure on the first screen, px, unless it has a row for each thing that is compared."""
+
 MORE: Final = Markup('<a href="#{}">and {} more</a>').format
 
 
@@ -130,7 +133,8 @@ def _numbered(parts: Sequence[Part], numbers: Iterator[int]) -> list[Part]:
 
 def foremost(figure: Figure, shows: str = "") -> Figure:
     """Return the copy of a figure that stands on the first screen, without its table and caption, large."""
-    size = figure.size if figure.size[0] == HALF[0] else HALF
+    width, height = figure.size if figure.size[0] == HALF[0] else HALF
+    size = (width, height if any(panel.y.names for panel in figure.panels) else max(height, TALL))
     return replace(figure, name=f"first-{figure.name}", caption="", columns={}, file="", shows=shows, size=size)
 
 

@@ -15,7 +15,7 @@ from mcnav.analysis.verdict import NUMERICAL
 from mcnav.report.format import rounded
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.statements.means import mean_sentence
-from mcnav.report.statements.requirements import requirement_in_brief, worst_requirement
+from mcnav.report.statements.requirements import confidence_words, requirement_in_brief, worst_requirement
 from mcnav.report.statements.words import more_samples, several
 
 if TYPE_CHECKING:
@@ -133,8 +133,17 @@ def _least_margin(summary: Summary) -> str:
     return "" if worst is None else requirement_in_brief(worst)
 
 
+def margin(summary: Summary) -> str:
+    """Say by how much the tightest requirement is met or missed, and with what confidence."""
+    worst = worst_requirement(summary)
+    return "" if worst is None else confidence_words(worst)
+
+
 def cause(summary: Summary, subject: str) -> str:
-    """Name the largest causes of what fails, with their shares; empty where none is known."""
+    """Name the largest causes of what fails, or of the errors that the tightest requirement limits, with their shares.
+
+    Empty where none is known.
+    """
     if subject == "filter" and summary.filter is not None and summary.filter.verdict == "optimistic":
         return _unmodelled(summary.filter)
     worst = worst_requirement(summary) if subject == "requirements" else None

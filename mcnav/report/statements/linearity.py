@@ -91,8 +91,8 @@ def answer(names: Sequence[str], dispersion_range: DispersionRange, tolerance: f
         sigmas = f"The errors are too large: only up to {factor}. First beyond: {names[first]}."
     else:
         sigmas = (
-            f"All errors may grow by a factor of {value:.3g}: up to it every sigma is shown to be {within}. Beyond it, "
-            f"{names[first]} is the first that is not."
+            f"All errors may grow by a factor of {value:.3g}: up to it every sigma is shown to be {within}. With "
+            f"larger errors {names[first]} is the first to fail."
         )
     return f"{sigmas} {_joint(float(dispersion_range.agrees_until[-1]), smallest)}".strip()
 
@@ -102,9 +102,9 @@ def _joint(multiple: float, smallest: float) -> str:
     if math.isnan(multiple):
         return ""
     if math.isinf(multiple):
-        return "Their joint distribution agrees at all multiples tried."
+        return "The full covariance matrix agrees at all multiples tried."
     if multiple <= smallest:
-        return f"Their joint distribution is not shown to agree even at {smallest:g} times the stated errors."
+        return f"The full covariance matrix is not shown to agree even at {smallest:g} times the stated errors."
     if multiple < 1.0:
-        return f"Their joint distribution agrees only up to {multiple:.3g} times the stated errors."
-    return f"Their joint distribution agrees up to a factor of {multiple:.3g}."
+        return f"The full covariance matrix agrees only up to {multiple:.3g} times the stated errors."
+    return f"The full covariance matrix agrees up to a factor of {multiple:.3g}."

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from mcnav.report.columns.requirements import RADII, RequirementRow, requirement_rows
-from mcnav.report.format import number
+from mcnav.report.format import number, rounded
 from mcnav.report.names import humanize
 
 if TYPE_CHECKING:
@@ -98,3 +98,24 @@ def three_digits(row: RequirementRow, value: float | None) -> str:
     if row.entry.kind == "box":
         return f"{100.0 * value:.3g} %" if value < 0.999 else f"{100.0 * value:.4g} %"
     return row.with_unit(number(value * row.scale, DIGITS))
+
+
+def confidence_words(row: RequirementRow) -> str:
+    """Say by how much a requirement is met or missed, and what the samples bound it by.
+
+    A bound is one-sided, of the confidence of the run.
+    """
+    entry, (low, high) = row.entry, row.entry.interval
+    confidence = f"{100.0 * row.summary.confidence:g} % confidence"
+    if entry.kind == "box":
+        return f"With {confidence} at least {three_digits(row, low)}." if low is not None else ""
+    margin = f"Margin × {rounded(entry.limits[0] / entry.estimate)}; " if entry.estimate else ""
+    bound = low if entry.finding == "not met" else high
+    side = "at least" if entry.finding == "not met" else "at most"
+    words = f"{margin}with {confidence} {side} {three_digits(row, bound)}." if bound is not None else margin
+    return capitalized(words)
+
+
+def capitalized(words: str) -> str:
+    """Begin with a capital letter."""
+    return f"{words[:1].upper()}{words[1:]}"

@@ -183,8 +183,7 @@ def doubt_of(sweep: Sweep, just_met: JustMet) -> str:
 def headline(sweep: Sweep) -> tuple[str, str]:
     """State where the limits are met; return the words and their tone, which Monte Carlo may take back."""
     if not sweep.just_met:
-        varied = " and ".join(variable.path for variable in sweep.variables)
-        return f"Accuracy by linear analysis over {varied}", ""
+        return _unlimited_headline(sweep), ""
     words, tone = _linear_headline(sweep)
     refuted = sweep.confirmations and confirmed_words(sweep)[1] == "differs"
     where, _, closest = words.partition("; closest at ")
@@ -192,6 +191,30 @@ def headline(sweep: Sweep) -> tuple[str, str]:
     doubts = sorted({doubt for solved in sweep.just_met if (doubt := doubt_of(sweep, solved))}, reverse=True)
     doubt = f". But {doubts[0]}: simulate it" if doubts else ""
     return f"By linear analysis: {where}{nearest}{doubt}", "undecided" if refuted or doubts else tone
+
+
+def _unlimited_headline(sweep: Sweep) -> str:
+    """State how far the first measure goes along a variable, where none has a limit."""
+    varied = " and ".join(variable.path for variable in sweep.variables)
+    values, (first, *_) = sweep.values[..., 0], sweep.measures
+    if len(sweep.variables) > 1 or sweep.variables[0].words or not np.isfinite(values).all():
+        return f"Accuracy by linear analysis over {varied}"
+    (scale,) = drawn.scales_of([first])
+    (variable,) = sweep.variables
+    low, high = (f"{number(float(value) * scale, 3)} {first.shown_in}".strip() for value in (values[0], values[-1]))
+    begin, end = (shown(variable, float(variable.values[place])) for place in (0, -1))
+    return f"By linear analysis {title_of(first, sweep)}: {low} at {varied} = {begin}, {high} at {end}"
+
+
+def _from_to(sweep: Sweep) -> str:
+    """Say over which values a sweep goes: from end to end of numbers."""
+    ends = (
+        ""
+        if variable.words
+        else f" from {shown(variable, float(variable.values[0]))} to {shown(variable, float(variable.values[-1]))}"
+        for variable in sweep.variables
+    )
+    return " and ".join(f"for {variable.path}{span}" for variable, span in zip(sweep.variables, ends, strict=True))
 
 
 def _linear_headline(sweep: Sweep) -> tuple[str, str]:
@@ -202,9 +225,9 @@ def _linear_headline(sweep: Sweep) -> tuple[str, str]:
         return f"{title_of(sweep.measures[only.measure], sweep, True)}: {met_words(only, last)}", tones[0]
     over = " and ".join(variable.path for variable in sweep.variables)
     if set(tones) == {"agrees"}:
-        return f"all limits are met at every value looked at of {over}", "agrees"
+        return f"every limit is met {_from_to(sweep)}", "agrees"
     if set(tones) == {"differs"}:
-        return f"no limit is met at any value looked at of {over}", "differs"
+        return f"no limit is met {_from_to(sweep)}", "differs"
     if first:
         return f"limits are met in part of the range of {over}", "partly"
     together = common_spans(sweep)

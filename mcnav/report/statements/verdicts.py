@@ -104,7 +104,7 @@ TABLE: Final[Mapping[Subject, Sequence[Row]]] = {
             next_step="Use the sigmas; do not gate or fuse with the full matrix."),
         Row(_is("differs"), "The linear {sigma_is} wrong for {wrong}.", next_step="Use the Monte Carlo sigmas."),
         Row(lambda summary: tone(summary) == "undecided" and summary.verdict_matrix == "differs",
-            "The full covariance matrix is wrong. {succeeded} samples do not decide whether every sigma is right.",
+            "The full covariance matrix is wrong. {succeeded} samples do not decide on the sigmas.",
             next_step="Run {samples_for_sigmas} to decide on the sigmas; do not gate or fuse with the full matrix."),
         Row(_is("undecided"), "{succeeded} samples do not decide whether every linear sigma is right.",
             next_step="Run {samples_for_sigmas} to decide."),
@@ -145,6 +145,8 @@ def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str
     consequences = [fill(row.consequence, summary, epochs)]
     if subject == "filter" and known == "differs":
         consequences.append(fields.silent_sensor(summary))
+    if subject == "requirements":
+        consequences.append(fields.margin(summary))
     sentence, next_step = fill(row.sentence, summary, epochs), fill(row.next_step, summary, epochs)
     unrepeated = [_unrepeated(words, next_step) for words in details.details_on(summary, subject, _partly(summary))]
     return Statement(
@@ -154,7 +156,7 @@ def _statement(subject: Subject, row: Row, summary: Summary, epochs: Mapping[str
         sentence=sentence,
         consequences=tuple(filter(None, consequences)),
         next_step=next_step,
-        cause=fields.cause(summary, subject) if known != "agrees" else "",
+        cause=fields.cause(summary, subject) if known != "agrees" or subject == "requirements" else "",
         details=tuple(words for words in unrepeated if words not in ("", sentence)),
         warnings=details.warnings_on(summary) if subject == "linear" else (),
     )

@@ -69,7 +69,9 @@ def _paragraph(answer: Statement, indent: int) -> list[Text]:
     word, *rest = textwrap.wrap(answer.sentence, WIDTH - indent)
     style, margin = f"bold {COLOURS[answer.tone]}", " " * indent
     lines = [Text(f"{answer.word:<{indent}}{word}", style=style), *(Text(margin + line, style=style) for line in rest)]
-    sentences_below = [*answer.consequences, *answer.warnings, *([f"Cause: {answer.cause}."] if answer.cause else [])]
+    of_causes = "Driven by" if answer.tone == "agrees" else "Cause"
+    causes = [f"{of_causes}: {answer.cause}."] if answer.cause else []
+    sentences_below = [*answer.consequences, *answer.warnings, *causes]
     further = [line for sentence in sentences_below for line in textwrap.wrap(sentence, WIDTH - indent)]
     return [*lines, *(Text(margin + line) for line in further)]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mcnav.cli.start import docs
-from mcnav.docs.pages import PAGES, Page
+from mcnav.docs.pages import PAGES
 from tests.conftest import ROOT
 
 PACKAGE = ROOT / "mcnav"
@@ -111,7 +111,7 @@ def test_every_page_that_is_named_exists(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_page_is_shown(page: Page, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_page_is_shown(page: str, capsys: pytest.CaptureFixture[str]) -> None:
     docs(page)
     assert capsys.readouterr().out.strip() == (PACKAGE / PAGES[page]).read_text(encoding="utf-8").strip()
 

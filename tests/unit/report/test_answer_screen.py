@@ -90,7 +90,7 @@ def test_the_thinnest_direction_is_called_so_only_where_it_is(reentry: Summary) 
         ({"verdict": "differs", "verdicts": ["agrees", "differs", "agrees", "differs"]}, "NO",
          "The linear sigmas are wrong for range and range rate."),
         ({"verdict": "undecided", "samples_needed": [None, 5_000, None, None]}, "UNDECIDED",
-         "The full covariance matrix is wrong. 1,000 samples do not decide whether every sigma is right."),
+         "The full covariance matrix is wrong. 1,000 samples do not decide on the sigmas."),
         ({"verdict": "undecided", "verdict_matrix": None}, "UNDECIDED",
          "1,000 samples do not decide whether every linear sigma is right."),
     ],

@@ -28,15 +28,15 @@ def ranges(agrees: list[float]) -> DispersionRange:
     ("agrees", "words"),
     [
         ([2.5, np.inf, 3.0], "may grow by a factor of 2.5: up to it every sigma is shown to be within ±5 % of the "
-         "linear one. Beyond it, range is the first that is not. Their joint distribution agrees up to a factor "
+         "linear one. With larger errors range is the first to fail. The full covariance matrix agrees up to a factor "
          "of 3."),
         ([np.inf, np.inf, np.inf], "may grow by a factor of 50, the largest tried: every sigma is shown to be within "
-         "±5 % of the linear one. Their joint distribution agrees at all multiples tried."),
+         "±5 % of the linear one. The full covariance matrix agrees at all multiples tried."),
         ([2.0, 0.5, 0.3], "are too large: only up to 0.5 times them is every sigma shown to be within ±5 % of the "
-         "linear one. First beyond: altitude. Their joint distribution agrees only up to 0.3 times "
+         "linear one. First beyond: altitude. The full covariance matrix agrees only up to 0.3 times "
          "the stated"),
         ([0.1, np.nan, 0.1], "At no multiple is every sigma shown to be within ±5 % of the linear one: range is not at "
-         "the smallest multiple tried, 0.1. Their joint distribution is not shown to agree even at 0.1 times"),
+         "the smallest multiple tried, 0.1. The full covariance matrix is not shown to agree even at 0.1 times"),
         ([np.nan, np.inf, np.nan], "may grow by a factor of 50, the largest tried: every"),
         ([np.nan, np.nan, np.nan], "No error source acts on any output"),
     ],

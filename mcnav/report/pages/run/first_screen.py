@@ -179,7 +179,8 @@ def _warnings(tiles: Sequence[Tile]) -> list[str]:
 def _facts(content: RunAnalysis, answer: Statement) -> Facts | None:
     """Name the cause, and what would help most; none where neither is known."""
     best = fix(content.remedies, content.manifest.model.outputs)
-    known = [(name, words) for name, words in (("Cause", answer.cause), ("Fix", best)) if words]
+    of_causes = "Driven by" if answer.tone == "agrees" else "Cause"
+    known = [(name, words) for name, words in ((of_causes, answer.cause), ("Fix", best)) if words]
     return Facts(known, below=True) if known else None
 
 

@@ -25,7 +25,7 @@ TITLES: Final = {
 
 FLAT: Final = Series("flat", "closed form, flat earth", MUTED, "dotted")
 SPHERICAL: Final = Series("spherical", "closed form, spherical earth", LINEAR)
-AT_REST: Final = Series("rest", "simulated at rest", INK, "dot")
+AT_REST: Final = Series("rest", "simulated at rest", FLOWN, "dot")
 CRUISING: Final = Series("cruising", "simulated cruising", FLOWN, "dashed")
 INERTIAL: Final = Series("inertial", "simulated cruising, inertial platform", FLOWN, "dashdot")
 

@@ -11,7 +11,7 @@ import pandas as pd
 from mcnav.contract.quantities import source_labels
 from mcnav.report.drawing.figure import HALF, THIRD, Figure
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, Span, Text, axis, numbered
-from mcnav.report.drawing.palette import BAND, FILTER, FLOWN, INK, LINEAR, MUTED
+from mcnav.report.drawing.palette import BAND, FLOWN, INK, LINEAR, MUTED
 from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.report.names import humanize
 from mcnav.systems.reentry.outputs import DEVIATIONS
@@ -24,13 +24,13 @@ LABELS: Final = source_labels([source.name for source in TN_SOURCES], [output.na
 TIME: Final = axis("time from reentry [min]", margin=0.02, link=True)
 TO_REENTRY: Final = axis("time from 121.92 km [min]", margin=0.02, link=True)
 
-ODD: Final = Series("odd", "constant L/D (odd numbers)", LINEAR)
-EVEN: Final = Series("even", "variable L/D (even numbers)", FLOWN, "dashed")
-ONE: Final = Series("one", "", LINEAR)
-INERTIAL: Final = Series("inertial", "inertial", LINEAR)
-AIR: Final = Series("air", "relative to the air", FLOWN, "dashed")
+ODD: Final = Series("odd", "constant L/D (odd numbers)", INK)
+EVEN: Final = Series("even", "variable L/D (even numbers)", MUTED, "dashed")
+ONE: Final = Series("one", "", INK)
+INERTIAL: Final = Series("inertial", "inertial", INK)
+AIR: Final = Series("air", "relative to the air", MUTED, "dashed")
 FLOWN_ERROR: Final = Series("flown", "simulated", FLOWN)
-LINEAR_ERROR: Final = Series("linear", "linear", LINEAR, "dashed")
+LINEAR_ERROR: Final = Series("linear", "linear", LINEAR)
 LEAST: Final = Series("least", "least", INK, "triangle")
 
 LOWEST_SHOWN, HIGHEST_SHOWN = 75.0, 130.0
@@ -66,7 +66,7 @@ def figure_1(frame: pd.DataFrame) -> Figure:
         ],
         key=(ODD, EVEN),
         columns=dict(frame.items()),
-        caption="The seven trajectories. The dotted line is 121.92 km.",
+        caption="The dotted line is 121.92 km.",
         file="figure_01.csv",
     )
 
@@ -97,7 +97,7 @@ def figure_2(frame: pd.DataFrame) -> Figure:
         key=(INERTIAL, AIR),
         columns=dict(frame.items()),
         size=(HALF[0], 225.0),
-        caption="Position, rates, speed, angle, force.",
+        caption="",
         file="figure_02.csv",
     )
 
@@ -120,8 +120,8 @@ def figure_3(frame: pd.DataFrame) -> Figure:
 def figure_4(frame: pd.DataFrame) -> Figure:
     """Draw sums of absolute errors against range: range and altitude, and lift laws."""
     kinds = {
-        "initial conditions": Series("initial", "initial conditions", LINEAR, "dashed"),
-        "equipment": Series("equipment", "equipment", FLOWN, "dashdot"),
+        "initial conditions": Series("initial", "initial conditions", MUTED, "dashed"),
+        "equipment": Series("equipment", "equipment", MUTED, "dashdot"),
         "all": Series("all", "all", INK),
     }
     printed, computed = Series("printed", "printed", MUTED, "box"), Series("computed", "computed", MUTED, "dot")
@@ -215,7 +215,7 @@ def figure_10(frame: pd.DataFrame) -> Figure:
     """Draw perigee partials in (r, r', theta'): closed form, flown without atmosphere, and trajectory 4."""
     ways = {
         "closed form": Series("closed", "perigee, eq. (27)", LINEAR),
-        "flown without atmosphere": Series("flown", "perigee, simulated without atmosphere", INK, "dot"),
+        "flown without atmosphere": Series("flown", "perigee, simulated without atmosphere", FLOWN, "dot"),
         "trajectory 4": Series("final", "final altitude, trajectory 4", FLOWN, "dashed"),
     }
 
@@ -309,9 +309,9 @@ def figure_12(frame: pd.DataFrame) -> Figure:
 
 def figure_13(frame: pd.DataFrame) -> Figure:
     """Draw mean, dispersion and root mean square against the switching altitude."""
-    mean = Series("mean", "mean, by the drag missed", FILTER, "dashdot")
-    alone = Series("sigma", "sigma", LINEAR, "dashed")
-    whole = Series("rms", "root mean square", FLOWN)
+    mean = Series("mean", "mean, by the drag missed", MUTED, "dashdot")
+    alone = Series("sigma", "sigma", MUTED, "dashed")
+    whole = Series("rms", "root mean square", INK)
     shown = frame[frame["off above [km]"].between(LOWEST_SHOWN, HIGHEST_SHOWN)]
 
     def panel(name: str) -> Panel:
@@ -345,21 +345,17 @@ def figure_14(frame: pd.DataFrame) -> Figure:
     """Draw final errors in three dimensions against the time of the start and of the only update."""
     shown = {
         "altitude": Series("altitude", "altitude", LINEAR),
-        "range": Series("range", "range", FLOWN, "dashed"),
-        "crossrange": Series("crossrange", "crossrange", FILTER, "dashdot"),
+        "range": Series("range", "range", LINEAR, "dashed"),
+        "crossrange": Series("crossrange", "crossrange", LINEAR, "dashdot"),
     }
-    sampled = {name: Series(f"{name}-flown", f"{name}, Monte Carlo", each.colour, "ring")
-               for name, each in shown.items()}  # fmt: skip
+    flown = Series("flown", "Monte Carlo", FLOWN, "ring")
 
     def panel(curve: str, title: str, words: str) -> Panel:
         lines, points = (frame[frame["curve"] == name] for name in (curve, f"{curve}, samples"))
         marks: list[Mark] = [
             Line(series, lines["time from reentry [min]"], lines[f"{name} [km]"]) for name, series in shown.items()
         ]
-        marks += [
-            Points(series, points["time from reentry [min]"], points[f"{name} [km]"], 6.0)
-            for name, series in sampled.items()
-        ]
+        marks += [Points(flown, points["time from reentry [min]"], points[f"{name} [km]"], 6.0) for name in shown]
         return Panel(title, Axis(words, "min from reentry", margin=0.02), Axis("1σ", "km", low=0.0), marks)
 
     return Figure(
@@ -371,7 +367,7 @@ def figure_14(frame: pd.DataFrame) -> Figure:
             panel("start", "navigation starts", "start of navigation"),
             panel("update", "navigation is updated once", "update"),
         ],
-        key=(*shown.values(), *sampled.values()),
+        key=(*shown.values(), flown),
         columns=dict(frame.items()),
         caption="Not in the report: trajectory 4 in three dimensions. Updates by tracking and a star tracker are as "
         "accurate as the report's initial conditions and alignment. The filter also learns the instrument errors.",
@@ -383,13 +379,13 @@ def figure_15(frame: pd.DataFrame) -> Figure:
     """Draw the dispersion of the landing point, and navigation errors, against the start of navigation."""
     landing = {
         "accelerometers on": Series("on", "landing point", LINEAR),
-        "accelerometers off": Series("off", "accelerometers off above 121.92 km", FILTER, "dashdot"),
+        "accelerometers off": Series("off", "accelerometers off above 121.92 km", LINEAR, "dashdot"),
     }
     errors = {
-        "altitude error": Series("altitude", "altitude error", FLOWN),
-        "range error": Series("range", "range error", MUTED, "dashed"),
+        "altitude error": Series("altitude", "altitude error", LINEAR),
+        "range error": Series("range", "range error", LINEAR, "dashed"),
     }
-    flown = Series("flown", "Monte Carlo", INK, "ring")
+    flown = Series("flown", "Monte Carlo", FLOWN, "ring")
     known, sampled = "accelerometers on", frame[frame["curve"] == "samples"]
 
     def panel(title: str, lines: Mapping[tuple[str, str], Series]) -> Panel:

@@ -23,7 +23,7 @@ import pandas as pd
 from mcnav.arrays.types import Array
 from mcnav.report.drawing.figure import THIRD, Figure
 from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Series, Span
-from mcnav.report.drawing.palette import BAND, FLOWN, INK, LINEAR
+from mcnav.report.drawing.palette import BAND, INK, MUTED
 from mcnav.report.figures.start_times import REENTRY, START
 from mcnav.systems.reentry.instruments import Error
 from mcnav.systems.reentry.table_i import COLUMNS, ERRORS, TABLE_I
@@ -155,7 +155,7 @@ def start_times() -> pd.DataFrame:
 
 def figure_16(frame: pd.DataFrame) -> Figure:
     """Draw both measures in both coordinates, a panel for each trajectory."""
-    colours = dict(zip(COORDINATES, (LINEAR, FLOWN), strict=True))
+    colours = dict(zip(COORDINATES, (INK, MUTED), strict=True))
     kinds = dict(zip(MEASURES, ("line", "dashed"), strict=True))
     series = {
         (coordinates, measure): Series(
