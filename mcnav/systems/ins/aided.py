@@ -122,7 +122,7 @@ class AidedNavigation:
 
     def _close(self, division: int) -> ClosedLoop:
         """Return the closed loop on a finer grid, of which samples take tables of their own once."""
-        once, known = partial(Responses, kept=0), self.loop.measurements
+        once, known = partial(Responses, kept=0), self.loop.schedule
         grid = self.grid(division)
         return close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter, once, known)
 

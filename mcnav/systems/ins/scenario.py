@@ -646,8 +646,8 @@ class Ins(PlainScenario):
             for sensor in aided.sensors
         )
         loop = aided.loop
-        measured = loop.measurements
-        return GatedFilter(loop.timeline, loop.designed, sensors, measured.sensors, measured.times, mean, covariance)
+        updates = loop.schedule
+        return GatedFilter(loop.timeline, loop.designed, sensors, updates.order, updates.times, mean, covariance)
 
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s."""

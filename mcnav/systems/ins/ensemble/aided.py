@@ -334,7 +334,7 @@ class AidedTables:
         return EpochTables(
             shared.epochs, shared.truth, shared.output_maps, covariances, self.loop.first_updates, shared.sizes,
             blocks_of(model.initial), self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
-            np.ascontiguousarray(model.natural[shared.epochs]), model.partners,
+            np.ascontiguousarray(model.natural(shared.epochs)), model.partners,
         )  # fmt: skip
 
     @cached_property
