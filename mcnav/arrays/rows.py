@@ -38,14 +38,16 @@ class Rows:
     def _whole(self) -> Array:
         return self._make(0, self.shape[0])
 
-    def __getitem__(self, rows: slice) -> Array:
-        """Return the rows of a slice."""
+    def __getitem__(self, rows: slice | int) -> Array:
+        """Return the rows of a slice, or one by its number."""
+        if not isinstance(rows, slice):
+            return np.asarray(self[rows : rows + 1][0])
         first, last, _ = rows.indices(self.shape[0])
         return self._whole[first:last] if self.shape[0] <= KEPT else self._make(first, max(first, last))
 
 
 Table = Array | Rows
-"""A table that is held, or whose rows are computed; both give the rows of a slice."""
+"""A table that is held, or whose rows are computed; both give the rows of a slice, or one by its number."""
 
 
 def rows_at(table: Table, numbers: IndexArray) -> Array:

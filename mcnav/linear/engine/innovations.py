@@ -82,15 +82,15 @@ def _law(
     timeline: Timeline, updates: Updates, gains: Table, u: int, position: int, state: Array, covariance: Array
 ) -> InnovationLaw:
     """Compute the law of an update from X before it."""
-    m, outputs, one = int(updates.sizes[u]), readout_maps(timeline)(position + 1), slice(u, u + 1)
-    responses = outputs @ filter_of(timeline).place @ gains[one][0, :, :m]
+    m, outputs = int(updates.sizes[u]), readout_maps(timeline)(position + 1)
+    responses = outputs @ filter_of(timeline).place @ gains[u][:, :m]
     # both as what X, c and the measurement's noise make of them
     of_noise = np.concatenate([np.eye(m), -responses])
-    rows = of_noise @ updates.responses[one][0, :m]
+    rows = of_noise @ updates.responses[u][:m]
     rows[m:] += outputs
-    variances = sum((of[one][0, :m] for of in updates.variances.values()), np.zeros(m))
+    variances = sum((of[u][:m] for of in updates.variances.values()), np.zeros(m))
     return InnovationLaw(
-        m, rows @ state + of_noise @ updates.disturbances[one][0, :m],
+        m, rows @ state + of_noise @ updates.disturbances[u][:m],
         transform(rows, covariance) + transform(of_noise, np.diag(variances)), responses,
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -51,9 +51,9 @@ class StepNoise(NamedTuple):
     paired: Array
 
 
-def noise_matrices(noise: StepNoise, steps: slice = slice(None)) -> Array:
-    """Return Q of some steps, shape (k, 9 + q, 9 + q)."""
-    white, cross, driven, paired = (table[steps] for table in noise)
+def noise_matrices(noise: StepNoise) -> Array:
+    """Return Q of steps, shape (k, 9 + q, 9 + q)."""
+    white, cross, driven, paired = noise
     matrices, others = np.zeros((len(white), *np.add(driven.shape[1:] * 2, NAVIGATION))), slice(NAVIGATION, None)
     matrices[:, :NAVIGATION, :NAVIGATION] = white
     matrices[:, :NAVIGATION, others], matrices[:, others, :NAVIGATION] = cross, cross.swapaxes(1, 2)
@@ -73,14 +73,11 @@ class FilterOver(NamedTuple):
     decay : ndarray, shape (k, q)
         What is left of these at the end of a step.
     noise : StepNoise
-    exact : ndarray of bool, shape (q,)
-        Whether a state models a constant error of the instruments exactly.
     """
 
     transitions: Array
     decay: Array
     noise: StepNoise
-    exact: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -160,52 +157,33 @@ class FilterTables:
             natural[:, place], natural[:, place + 1] = shown[:, 0], shown[:, 1, ::-1]
         return natural
 
-    @cached_property
-    def _of_steps(self) -> FilterOver:
-        """All steps, which samples take."""
-        steps, count = len(self.responses.times) - 1, len(self.states)
-        white, cross = np.zeros((steps, NAVIGATION, NAVIGATION)), np.zeros((steps, NAVIGATION, count))
-        noise = StepNoise(white, cross, np.zeros((steps, count)), np.zeros((steps, count)))
-        transitions, decay = np.zeros((steps, NAVIGATION, NAVIGATION + count)), np.ones((steps, count))
-        exact = (self.constants >= NAVIGATION) & (self.constants < len(CONSTANTS))
-        tables = FilterOver(transitions, decay, noise, exact)
-        self._fill_noise(noise)
-        modelled = {name: place for place, name in enumerate(self.modelled)}
+    def blocks(self) -> Iterator[tuple[slice, FilterOver]]:
+        """Yield all steps in blocks, in order."""
         for (block, true), (_, own) in zip(self.responses.blocks(), self.believed.blocks(), strict=True):
             systems = process_systems(own, self.beliefs.imu)
-            transitions[block], decay[block] = self._over(block.start, block.stop, true, systems)
-            for place in np.flatnonzero(exact).tolist():
-                constant = _constant_response(true, self.states[place].name)
-                same = np.array_equal(transitions[block, :, NAVIGATION + place], constant)
-                exact[place] = same and np.all(decay[block, place] == 1.0)
-            of_state = {name: place for name, place in modelled.items() if name in systems}
-            _add_noise(StepNoise(*(table[block] for table in noise)), systems, of_state)
-        return tables
+            transitions, decay = self._over(block.start, block.stop, true, systems)
+            noise = self._noise(block.start, block.stop)
+            _add_noise(noise, systems, {name: place for place, name in enumerate(self.modelled) if name in systems})
+            yield block, FilterOver(transitions, decay, noise)
 
-    @property
-    def transitions(self) -> Array:
-        """Transitions of `FilterOver` over all steps, shape (K, 9, 9 + q)."""
-        return self._of_steps.transitions
+    @cached_property
+    def whole(self) -> FilterOver:
+        """All steps at once."""
+        transitions, decays, noises = zip(*(over for _, over in self.blocks()), strict=True)
+        noise = StepNoise._make(map(np.concatenate, zip(*noises, strict=True)))
+        return FilterOver(np.concatenate(transitions), np.concatenate(decays), noise)
 
-    @property
-    def decay(self) -> Array:
-        """What is left of the other states after each of all steps, shape (K, q)."""
-        return self._of_steps.decay
-
-    @property
-    def noise(self) -> StepNoise:
-        """What all steps add."""
-        return self._of_steps.noise
-
-    @property
+    @cached_property
     def exact(self) -> NDArray[np.bool_]:
         """Whether a state models a constant error of the instruments exactly, shape (q,)."""
-        return self._of_steps.exact
-
-    @property
-    def coupling(self) -> Array:
-        """Responses of psi, v, x to the errors that the other states are, shape (K, 9, q)."""
-        return self.transitions[:, :, NAVIGATION:]
+        exact = (self.constants >= NAVIGATION) & (self.constants < len(CONSTANTS))
+        for block, true in self.responses.blocks() if exact.any() else ():
+            over, decay = self.between(block.start, block.stop)
+            for place in np.flatnonzero(exact).tolist():
+                constant = _constant_response(true, self.states[place].name)
+                same = np.array_equal(over[:, :, NAVIGATION + place], constant)
+                exact[place] = same and np.all(decay[:, place] == 1.0)
+        return exact
 
     def between(
         self, first: int, last: int, systems: Mapping[str, tuple[Array, Array, Array]] | None = None
@@ -237,21 +215,24 @@ class FilterTables:
                 decay[:, place] = systems[name][0][:, NAVIGATION]
         return over, decay
 
-    def _fill_noise(self, noise: StepNoise) -> None:
-        """Fill in what the sensors' processes add to their states."""
-        times, sensors = self.responses.times, self.beliefs.sensors
+    def _noise(self, first: int, last: int) -> StepNoise:
+        """Return what the sensors' processes add to their states over steps."""
+        times, sensors, count = self.responses.times, self.beliefs.sensors, len(self.states)
+        shapes = ((NAVIGATION, NAVIGATION), (NAVIGATION, count), (count,), (count,))
+        noise = StepNoise(*(np.zeros((last - first, *shape)) for shape in shapes))
         correlated = {component.error_name("correlated") for sensor in sensors for component in sensor.components}
         jitters = {sensor.jitter_name for sensor in sensors}
         for place, (state, name) in enumerate(zip(self.states, self.modelled, strict=True)):
             if name in correlated:
-                added = -np.expm1(-2.0 * np.diff(times) / state.correlation_time)
+                added = -np.expm1(-2.0 * np.diff(times[first : last + 1]) / state.correlation_time)
                 noise.driven[:, place] = state.sigma**2 * added
             if name in jitters:
                 noise.driven[:, place] = state.sigma**2
         for place, of in self._flexing:
             pair, variance = slice(place, place + 2), of.flexure.sigma[of.axis] ** 2
-            added = variance * of.flexure.noise(times - times[0])
+            added = variance * of.flexure.noise(times[first : last + 1] - times[0])
             noise.driven[:, pair], noise.paired[:, place + 1] = added[:, [0, 1], [0, 1]], added[:, 1, 0]
+        return noise
 
     @cached_property
     def rows(self) -> Array:

@@ -87,5 +87,5 @@ def test_a_table_that_is_short_is_computed_once() -> None:
 
     table, long = Rows((10,), make), Rows((tables.KEPT + 1,), make)
     assert (table[2:4].tolist(), table[8:].tolist()) == ([2.0, 3.0], [8.0, 9.0])
-    assert (long[2:4].tolist(), long[5:3].tolist()) == ([2.0, 3.0], [])
-    assert asked == [(0, 10), (2, 4), (5, 5)]
+    assert (long[2:4].tolist(), long[5:3].tolist(), float(long[7])) == ([2.0, 3.0], [], 7.0)
+    assert asked == [(0, 10), (2, 4), (5, 5), (7, 8)]
