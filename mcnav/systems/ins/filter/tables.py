@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.arrays.rows import KEPT
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.filter.model import NAVIGATION, Beliefs, FilterModel, FilterState
 from mcnav.systems.ins.imu.gravity import DISTURBANCES
@@ -73,11 +74,14 @@ class FilterOver(NamedTuple):
     decay : ndarray, shape (k, q)
         What is left of these at the end of a step.
     noise : StepNoise
+    exact : ndarray of bool, shape (q,)
+        Whether a state models a constant error of the instruments exactly.
     """
 
     transitions: Array
     decay: Array
     noise: StepNoise
+    exact: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -157,33 +161,37 @@ class FilterTables:
             natural[:, place], natural[:, place + 1] = shown[:, 0], shown[:, 1, ::-1]
         return natural
 
-    def blocks(self) -> Iterator[tuple[slice, FilterOver]]:
-        """Yield all steps in blocks, in order."""
+    def _compute(self) -> Iterator[tuple[slice, FilterOver]]:
+        known = (self.constants >= NAVIGATION) & (self.constants < len(CONSTANTS))
         for (block, true), (_, own) in zip(self.responses.blocks(), self.believed.blocks(), strict=True):
             systems = process_systems(own, self.beliefs.imu)
-            transitions, decay = self._over(block.start, block.stop, true, systems)
-            noise = self._noise(block.start, block.stop)
+            over, decay = self._over(block.start, block.stop, true, systems)
+            noise, exact = self._noise(block.start, block.stop), known.copy()
             _add_noise(noise, systems, {name: place for place, name in enumerate(self.modelled) if name in systems})
-            yield block, FilterOver(transitions, decay, noise)
+            for place in np.flatnonzero(known).tolist():
+                constant = _constant_response(true, self.states[place].name)
+                same = np.array_equal(over[:, :, NAVIGATION + place], constant)
+                exact[place] = same and np.all(decay[:, place] == 1.0)
+            yield block, FilterOver(over, decay, noise, exact)
+
+    def blocks(self) -> Iterator[tuple[slice, FilterOver]]:
+        """Yield all steps in blocks, in order; of a few, all at once."""
+        steps = len(self.responses.times) - 1
+        if steps > KEPT:
+            return self._compute()
+        return iter([(slice(0, steps), self.whole)])
 
     @cached_property
     def whole(self) -> FilterOver:
         """All steps at once."""
-        transitions, decays, noises = zip(*(over for _, over in self.blocks()), strict=True)
+        transitions, decays, noises, exact = zip(*(over for _, over in self._compute()), strict=True)
         noise = StepNoise._make(map(np.concatenate, zip(*noises, strict=True)))
-        return FilterOver(np.concatenate(transitions), np.concatenate(decays), noise)
+        return FilterOver(np.concatenate(transitions), np.concatenate(decays), noise, np.all(exact, axis=0))
 
     @cached_property
     def exact(self) -> NDArray[np.bool_]:
         """Whether a state models a constant error of the instruments exactly, shape (q,)."""
-        exact = (self.constants >= NAVIGATION) & (self.constants < len(CONSTANTS))
-        for block, true in self.responses.blocks() if exact.any() else ():
-            over, decay = self.between(block.start, block.stop)
-            for place in np.flatnonzero(exact).tolist():
-                constant = _constant_response(true, self.states[place].name)
-                same = np.array_equal(over[:, :, NAVIGATION + place], constant)
-                exact[place] = same and np.all(decay[:, place] == 1.0)
-        return exact
+        return np.asarray(np.all([over.exact for _, over in self.blocks()], axis=0), dtype=np.bool_)
 
     def between(
         self, first: int, last: int, systems: Mapping[str, tuple[Array, Array, Array]] | None = None
@@ -195,6 +203,8 @@ class FilterTables:
         systems : mapping, optional
             Of the believed processes over these steps, of any size, as `process_systems` has them.
         """
+        if systems is None and "whole" in self.__dict__:
+            return self.whole.transitions[first:last].copy(), self.whole.decay[first:last].copy()
         if systems is None:
             systems = process_systems(self.believed.between(first, last), self.beliefs.imu)
         return self._over(first, last, self.responses.between(first, last), systems)
