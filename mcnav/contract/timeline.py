@@ -30,10 +30,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mcnav.arrays.rows import Table
 from mcnav.arrays.types import Array, IndexArray
 
 
-def _check_shape(name: str, table: Array | IndexArray | NDArray[np.bool_], expected: tuple[int, ...]) -> None:
+def _check_shape(name: str, table: Table | IndexArray | NDArray[np.bool_], expected: tuple[int, ...]) -> None:
     if table.shape != expected:
         raise ValueError(f"{name}: got shape {table.shape}, expected {expected}")
 
@@ -96,22 +97,24 @@ class Steps:
 class Updates:
     """All updates in order, U of them, with at most M components; what is beyond a size is zero.
 
+    The engine asks for the rows of a few updates at a time, which may be computed then (`mcnav.arrays.rows.Rows`).
+
     Attributes
     ----------
     sizes : ndarray of int, shape (U,)
         Components of each.
-    responses : ndarray, shape (U, M, n)
+    responses : ndarray or Rows, shape (U, M, n)
         H.
-    disturbances : ndarray, shape (U, M, s + 1)
+    disturbances : ndarray or Rows, shape (U, M, s + 1)
         D.
-    variances : mapping of str to ndarray, shape (U, M)
+    variances : mapping of str to ndarray or Rows, shape (U, M)
         Of v_j by process; processes that add nothing may be absent.
     """
 
     sizes: IndexArray
-    responses: Array
-    disturbances: Array
-    variances: Mapping[str, Array] = field(default_factory=dict)
+    responses: Table
+    disturbances: Table
+    variances: Mapping[str, Table] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count, most = self.responses.shape[:2]
@@ -119,6 +122,11 @@ class Updates:
         _check_shape("updates.disturbances", self.disturbances, (count, most, self.disturbances.shape[-1]))
         for name, variances in self.variances.items():
             _check_shape(f"updates.variances of {name}", variances, (count, most))
+
+    def between(self, first: int, last: int) -> Updates:
+        """Return the updates from the first to before the last."""
+        variances = {name: table[first:last] for name, table in self.variances.items()}
+        return Updates(self.sizes[first:last], self.responses[first:last], self.disturbances[first:last], variances)
 
     @classmethod
     def none(cls, states: int, sources: int) -> Updates:
@@ -213,9 +221,9 @@ class TimelineFilter:
     ----------
     steps : callable
         From the first and past the last number of steps to those.
-    responses : ndarray, shape (U, M, f)
+    responses : ndarray or Rows, shape (U, M, f)
         H_f.
-    variances : ndarray, shape (U, M)
+    variances : ndarray or Rows, shape (U, M)
         The diagonal of R_f.
     covariance : ndarray, shape (f, f)
         P at the start.
@@ -230,8 +238,8 @@ class TimelineFilter:
     """
 
     steps: Callable[[int, int], FilterSteps]
-    responses: Array
-    variances: Array
+    responses: Table
+    variances: Table
     covariance: Array
     corrected: Array
     place: Array

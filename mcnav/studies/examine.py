@@ -66,9 +66,13 @@ def examine_campaign(campaign: Campaign, model: Model, seconds: float = math.inf
     Parameters
     ----------
     seconds : float, optional
-        Seconds that it may take; without a limit code is compiled where that is needed, else not. A class of the user's
-        is asked for one simulation before, unless an earlier command has kept them all.
+        Seconds that it may take; without a limit code is compiled where that is needed, and flights may have many
+        updates, else not. A class of the user's is asked for one simulation before, unless an earlier command has kept
+        them all.
     """
+    aided = campaign.scenario.navigation.aided if is_ins(campaign.scenario) else None
+    if aided is not None and aided.too_long and math.isfinite(seconds):
+        return aided.too_long if aided.can_be_flown else ""
     with nullcontext() if math.isinf(seconds) else COMPILATION.refusing():
         try:
             return _examine_within(seconds, campaign, model)

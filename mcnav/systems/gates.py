@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.arrays.products import transform, transformed_variances
+from mcnav.arrays.rows import rows_at
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.gates import FaultLaw, GateLaw, RejectedErrors, RejectionLaws, RejectionReading
 from mcnav.contract.timeline import Timeline
@@ -140,7 +141,8 @@ class GatedFilter:
         """Compute the laws of updates by their numbers, in any order; from X before them, where it is known."""
         designed = self.designed
         laws = innovation_laws(self.timeline, designed.gains, updates, before)
-        return [self._law(law, designed.roots[u]) for u, law in zip(updates.tolist(), laws, strict=True)]
+        roots = rows_at(designed.roots, updates)
+        return [self._law(law, root) for root, law in zip(roots, laws, strict=True)]
 
     def _law(self, law: InnovationLaw, root: Array) -> UpdateLaw:
         m, means = law.size, law.partials @ np.append(self.mean, 1.0)
@@ -166,7 +168,7 @@ class GatedFilter:
     def whitened(self, updates: IndexArray, innovations: Array) -> Array:
         """Divide innovations, shape (u, M, r), by the Cholesky factors of what the filter believes."""
         size = innovations.shape[1]
-        return np.asarray(np.linalg.solve(self.designed.roots[updates][:, :size, :size], innovations))
+        return np.asarray(np.linalg.solve(rows_at(self.designed.roots, updates)[:, :size, :size], innovations))
 
     @cached_property
     def faults(self) -> Array:

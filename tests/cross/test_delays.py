@@ -258,7 +258,7 @@ def test_jitter_is_noise_that_is_common_to_a_measurement() -> None:
     timeline, measured = plain.timeline, plain.measurements
     assert timeline.filter is not None
     steps = timeline.filter.steps(0, len(plain.times) - 1)
-    noise, rows = noise_matrices(plain.filter.noise), np.concatenate([measured.rows, plain.filter.rows], axis=2)
+    noise, rows = noise_matrices(plain.filter.whole.noise), np.concatenate([measured.rows, plain.filter.rows], axis=2)
     covariance = plain.filter.initial
     for k in range(len(plain.times)):
         for u in range(plain.first_updates[k], plain.first_updates[k + 1]):

@@ -48,11 +48,11 @@ def aided(noise: float = 3.0, believed: float = 3.0) -> Ins:
 def whole(loop: ClosedLoop) -> tuple[list[Array], list[Array]]:
     """Return F and Q of the filter over the steps."""
     tables, over = loop.filter, []
-    for k, transition in enumerate(tables.transitions):
-        f = np.diag(np.concatenate([np.ones(9), tables.decay[k]]))
+    for k, transition in enumerate(tables.whole.transitions):
+        f = np.diag(np.concatenate([np.ones(9), tables.whole.decay[k]]))
         f[:9] = transition
         over.append(f)
-    return over, list(noise_matrices(tables.noise))
+    return over, list(noise_matrices(tables.whole.noise))
 
 
 def rauch_tung_striebel(loop: ClosedLoop, last: int) -> list[Array]:

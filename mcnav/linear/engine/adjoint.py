@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mcnav.arrays.rows import Table
 from mcnav.arrays.types import Array
 from mcnav.contract.timeline import Timeline
 from mcnav.execution.threads import one_thread
@@ -11,12 +12,12 @@ from mcnav.linear.engine.checks import check_gains, check_outputs, check_positio
 from mcnav.linear.engine.transitions import Block, bounds, expand
 
 
-def adjoint(timeline: Timeline, gains: Array | None, end: int, outputs: Array) -> Array:
+def adjoint(timeline: Timeline, gains: Table | None, end: int, outputs: Array) -> Array:
     """Compute the rows ``L_T = C``, ``L_k = L_(k+1) A_k`` of outputs at every position up to their own.
 
     Parameters
     ----------
-    gains : ndarray, shape (U, f, M), optional
+    gains : ndarray or Rows, shape (U, f, M), optional
         K; none where there are no updates.
     end : int
         Position of the outputs.

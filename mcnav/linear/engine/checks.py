@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mcnav.arrays.rows import Table
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
 
@@ -35,7 +36,7 @@ def check_updates(timeline: Timeline, updates: ArrayLike) -> IndexArray:
     return numbers
 
 
-def check_gains(timeline: Timeline, gains: Array | None) -> None:
+def check_gains(timeline: Timeline, gains: Table | None) -> None:
     """Raise ValueError where gains do not have the shape (U, f, M) of the timeline's filter."""
     if gains is None or timeline.filter is None:
         return

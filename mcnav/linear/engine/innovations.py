@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mcnav.arrays.products import transform
+from mcnav.arrays.rows import Table, rows_at
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Start, Steps, Timeline, Updates
 from mcnav.linear.engine.checks import check_updates
@@ -47,20 +48,20 @@ def positions_of(timeline: Timeline, updates: IndexArray) -> IndexArray:
     return np.asarray(np.flatnonzero(timeline.is_update)[updates], dtype=np.int64)
 
 
-def states_at(timeline: Timeline, gains: Array, positions: IndexArray) -> Propagated:
+def states_at(timeline: Timeline, gains: Table, positions: IndexArray) -> Propagated:
     """Propagate X itself to positions, in any order, all processes of noise together."""
     whole = np.eye(timeline.states)
     return propagate(timeline, gains, positions, by_cause=False, maps=lambda _: whole)
 
 
 def innovation_laws(
-    timeline: Timeline, gains: Array, updates: IndexArray, before: Propagated | None = None
+    timeline: Timeline, gains: Table, updates: IndexArray, before: Propagated | None = None
 ) -> list[InnovationLaw]:
     """Compute the laws of updates by their numbers, in any order.
 
     Parameters
     ----------
-    gains : ndarray, shape (U, f, M)
+    gains : ndarray or Rows, shape (U, f, M)
         K.
     before : Propagated, optional
         `states_at` the positions of the updates, where it is known.
@@ -78,30 +79,30 @@ def innovation_laws(
 
 
 def _law(
-    timeline: Timeline, updates: Updates, gains: Array, u: int, position: int, state: Array, covariance: Array
+    timeline: Timeline, updates: Updates, gains: Table, u: int, position: int, state: Array, covariance: Array
 ) -> InnovationLaw:
     """Compute the law of an update from X before it."""
     m, outputs = int(updates.sizes[u]), readout_maps(timeline)(position + 1)
-    responses = outputs @ filter_of(timeline).place @ gains[u, :, :m]
+    responses = outputs @ filter_of(timeline).place @ gains[u][:, :m]
     # both as what X, c and the measurement's noise make of them
     of_noise = np.concatenate([np.eye(m), -responses])
-    rows = of_noise @ updates.responses[u, :m]
+    rows = of_noise @ updates.responses[u][:m]
     rows[m:] += outputs
-    variances = sum((of[u, :m] for of in updates.variances.values()), np.zeros(m))
+    variances = sum((of[u][:m] for of in updates.variances.values()), np.zeros(m))
     return InnovationLaw(
-        m, rows @ state + of_noise @ updates.disturbances[u, :m],
+        m, rows @ state + of_noise @ updates.disturbances[u][:m],
         transform(rows, covariance) + transform(of_noise, np.diag(variances)), responses,
     )  # fmt: skip
 
 
 def measurement_errors(
-    timeline: Timeline, gains: Array, errors: Array, updates: IndexArray, end: int
+    timeline: Timeline, gains: Table, errors: Array, updates: IndexArray, end: int
 ) -> tuple[Array, Array]:
     """Compute what errors of measurements add to innovations, and to the outputs at a position.
 
     Parameters
     ----------
-    gains : ndarray, shape (U, f, M)
+    gains : ndarray or Rows, shape (U, f, M)
         K.
     errors : ndarray, shape (U, M, r)
         In r cases.
@@ -131,5 +132,5 @@ def measurement_errors(
     begin = int(positions_of(timeline, np.append(disturbing, updates)).min(initial=end))
     read_at, whole = np.append(positions_of(timeline, updates), end), np.eye(states)
     read = propagate(disturbed, gains, read_at, begin=begin, maps=lambda _: whole).partials
-    innovations = timeline.updates.responses[updates] @ read[:-1] - errors[updates]
+    innovations = rows_at(timeline.updates.responses, updates) @ read[:-1] - errors[updates]
     return innovations, readout_maps(timeline)(end) @ read[-1]

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mcnav.arrays.products import map_covariances, transform
+from mcnav.arrays.rows import Table
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Start, Timeline
 from mcnav.execution.threads import one_thread
@@ -49,14 +50,14 @@ def readout_maps(timeline: Timeline) -> Maps:
 
 
 def propagate(
-    timeline: Timeline, gains: Array | None, positions: ArrayLike, by_cause: bool = True, begin: int = 0,
+    timeline: Timeline, gains: Table | None, positions: ArrayLike, by_cause: bool = True, begin: int = 0,
     start: Start | None = None, maps: Maps | None = None,
 ) -> Propagated:  # fmt: skip
     """Propagate to positions, in any order, none before the begin.
 
     Parameters
     ----------
-    gains : ndarray, shape (U, f, M), optional
+    gains : ndarray or Rows, shape (U, f, M), optional
         K; none where there are no updates.
     by_cause : bool
         Each process by itself; else all together, which takes less time.

@@ -73,17 +73,17 @@ class WhitenedFilter:
         most = filtered.responses.shape[1]
         unused = np.arange(most) >= updates.sizes[:, None]
         # a root of one where there is no component, whose rows and gains are zero
-        roots = np.where(unused[:, :, None] | unused[:, None, :], np.eye(most), designed.roots)
-        rows = np.where(unused[:, :, None], 0.0, filtered.responses)
+        roots = np.where(unused[:, :, None] | unused[:, None, :], np.eye(most), designed.roots[:])
+        rows = np.where(unused[:, :, None], 0.0, filtered.responses[:])
         with one_thread():
-            return cls(timeline, np.linalg.solve(roots, rows), designed.gains @ roots, _between_updates(timeline))
+            return cls(timeline, np.linalg.solve(roots, rows), designed.gains[:] @ roots, _between_updates(timeline))
 
 
 def _between_updates(timeline: Timeline) -> Array:
     """Return the products of F up to each update from the one before."""
     filtered = filter_of(timeline)
     size = len(filtered.covariance)
-    products, product, u = np.empty((len(filtered.responses), size, size)), np.eye(size), 0
+    products, product, u = np.empty((filtered.responses.shape[0], size, size)), np.eye(size), 0
     for first, last in bounds(0, timeline.end):
         number, steps = 0, filtered.steps(*timeline.steps_before[[first, last]].tolist()).transitions
         for is_update in timeline.is_update[first:last].tolist():

@@ -157,23 +157,30 @@ class _Stretches:
     """Transitions from one position to another, over which the recursion is taken back."""
 
     def __init__(self, timeline: Timeline, filtered: TimelineFilter, designed: Design, first: int, last: int) -> None:
-        self.timeline, self.filtered, self.designed, self.first = timeline, filtered, designed, first
+        self.timeline, self.filtered, self.first = timeline, filtered, first
         numbers = timeline.steps_before[[first, last]].tolist()
         self.steps, self.own_steps = timeline.steps(*numbers), filtered.steps(*numbers)
         self.places = np.flatnonzero(~timeline.is_update[first:last])
         self.noise = noise_of_steps(timeline, self.steps, self.places)
+        self.first_update, end = timeline.updates_before[[first, last]].tolist()
+        every = Updates.none(timeline.states, timeline.sources) if timeline.updates is None else timeline.updates
+        self.updates = every.between(self.first_update, end)
+        self.true, self.disturbances = self.updates.responses[:], self.updates.disturbances[:]
+        self.responses, self.gains, self.roots = (
+            table[self.first_update : end] for table in (filtered.responses, designed.gains, designed.roots)
+        )
 
     def take_back(self, back: _Back, low: int, high: int) -> None:
         """Take the recursion back from one position to an earlier one."""
         timeline, count, size = self.timeline, high - low, len(back.own)
-        updates = Updates.none(timeline.states, timeline.sources) if timeline.updates is None else timeline.updates
         products, before = np.eye(size), int(timeline.steps_before[self.first])
         own, weights = np.empty((count, size, size)), np.empty((count, *back.state.shape))
-        innovations = np.zeros((count, size, updates.responses.shape[1]))
+        innovations = np.zeros((count, size, self.updates.responses.shape[1]))
         for k in range(count - 1, -1, -1):
             position = low + k
             if timeline.is_update[position]:
-                own[k] = self._over_update(back, updates, int(timeline.updates_before[position]), innovations[k])
+                u = int(timeline.updates_before[position]) - self.first_update
+                own[k] = self._over_update(back, u, innovations[k])
                 weights[k] = 0.0
                 continue
             step = int(timeline.steps_before[position]) - before
@@ -190,28 +197,28 @@ class _Stretches:
         for number, name in enumerate(timeline.processes):
             for of in self.noise.get(name, ()):
                 back.noise[number] += of.between(low - self.first, high - self.first).through(weights)
-            if name in updates.variances:
-                back.noise[number] += _of_updates(timeline, updates, name, low, high).through(innovations)
+            if name in self.updates.variances:
+                back.noise[number] += self._of_updates(name, low, high).through(innovations)
 
-    def _over_update(self, back: _Back, updates: Updates, u: int, innovation: Array) -> Array:
-        """Take the recursion back over an update; write N, and return ``(I - K H)'``."""
-        m, filtered = int(updates.sizes[u]), self.filtered
-        response, gain, root = filtered.responses[u, :m], self.designed.gains[u, :, :m], self.designed.roots[u, :m, :m]
+    def _over_update(self, back: _Back, u: int, innovation: Array) -> Array:
+        """Take the recursion back over one of the updates; write N, and return ``(I - K H)'``."""
+        m = int(self.updates.sizes[u])
+        response, gain, root = self.responses[u, :m], self.gains[u, :, :m], self.roots[u, :m, :m]
         left = -(gain @ response).T
         left.flat[:: len(left) + 1] += 1.0
         whitened = np.linalg.solve(root, response)
         weight = np.linalg.solve(root.T, whitened).T  # H' S^-1
-        innovation[:, :m] = of_innovation = weight - left @ (back.state @ (filtered.place @ gain))
+        innovation[:, :m] = of_innovation = weight - left @ (back.state @ (self.filtered.place @ gain))
         back.own = whitened.T @ whitened + transform(left, back.own)
-        back.constants = of_innovation @ updates.disturbances[u, :m] + left @ back.constants
-        back.state = of_innovation @ updates.responses[u, :m] + left @ back.state
+        back.constants = of_innovation @ self.disturbances[u, :m] + left @ back.constants
+        back.state = of_innovation @ self.true[u, :m] + left @ back.state
         return left
 
-
-def _of_updates(timeline: Timeline, updates: Updates, name: str, low: int, high: int) -> Noise:
-    """Return the noise of a process in the measurements between two positions."""
-    places = np.flatnonzero(timeline.is_update[low:high])
-    variances = updates.variances[name][slice(*timeline.updates_before[[low, high]])]
-    components = np.flatnonzero(variances.any(axis=0))
-    roots = np.sqrt(variances[:, components])
-    return Noise(places, components, None, roots[:, :, None] * np.eye(len(components)))
+    def _of_updates(self, name: str, low: int, high: int) -> Noise:
+        """Return the noise of a process in the measurements between two positions."""
+        places = np.flatnonzero(self.timeline.is_update[low:high])
+        begin, end = (self.timeline.updates_before[[low, high]] - self.first_update).tolist()
+        variances = self.updates.variances[name][begin:end]
+        components = np.flatnonzero(variances.any(axis=0))
+        roots = np.sqrt(variances[:, components])
+        return Noise(places, components, None, roots[:, :, None] * np.eye(len(components)))

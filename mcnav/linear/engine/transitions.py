@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from mcnav.arrays.rows import Table
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import Steps, Timeline, add_up_noise
 from mcnav.linear.engine.noise import Noise
@@ -50,14 +51,14 @@ def bounds(first: int, last: int) -> list[tuple[int, int]]:
 
 
 def expand(
-    timeline: Timeline, gains: Array | None, first: int, last: int, constants: Array | None = None,
+    timeline: Timeline, gains: Table | None, first: int, last: int, constants: Array | None = None,
     together: bool = False,
 ) -> Block:  # fmt: skip
     """Expand the transitions between two positions.
 
     Parameters
     ----------
-    gains : ndarray, shape (U, f, M), optional
+    gains : ndarray or Rows, shape (U, f, M), optional
         K; none where there are no updates in between.
     constants : ndarray, shape (s + 1, s + 1), optional
         E, by which B is multiplied.
@@ -79,10 +80,7 @@ def expand(
         else:
             noise = noise_of_steps(timeline, steps, places)
     if is_update.any():
-        variances = timeline.updates.variances if timeline.updates is not None else {}
-        if together and variances:
-            variances = {TOGETHER: np.add.reduce(list(variances.values()))}
-        _expand_updates(timeline, gains, variances, first, last, transitions, inputs, noise)
+        _expand_updates(timeline, gains, together, first, last, transitions, inputs, noise)
     return Block(transitions, inputs if constants is None else inputs @ constants, noise)
 
 
@@ -95,20 +93,24 @@ def noise_of_steps(timeline: Timeline, steps: Steps, places: IndexArray) -> dict
 
 
 def _expand_updates(
-    timeline: Timeline, gains: Array | None, by_process: Mapping[str, Array], first: int, last: int,
-    transitions: Array, inputs: Array, noise: dict[str, tuple[Noise, ...]],
+    timeline: Timeline, gains: Table | None, together: bool, first: int, last: int, transitions: Array, inputs: Array,
+    noise: dict[str, tuple[Noise, ...]],
 ) -> None:  # fmt: skip
     """Write the updates between two positions into a block."""
     updates, place = timeline.updates, timeline.filter
     if gains is None or updates is None or place is None:
         raise ValueError("gains: got none, expected those of the updates of the timeline")
-    places, numbers = np.flatnonzero(timeline.is_update[first:last]), slice(*timeline.updates_before[[first, last]])
+    places = np.flatnonzero(timeline.is_update[first:last])
+    numbers = slice(*timeline.updates_before[[first, last]].tolist())
     corrections = -(place.place @ gains[numbers])
     transitions[places] = np.eye(timeline.states) + corrections @ updates.responses[numbers]
     inputs[places] = corrections @ updates.disturbances[numbers]
     rows = np.flatnonzero(place.place.any(axis=1))
+    by_process = {name: table[numbers] for name, table in updates.variances.items()}
+    if together and by_process:
+        by_process = {TOGETHER: np.add.reduce(list(by_process.values()))}
     for name, variances in by_process.items():
-        u, c = np.nonzero(variances[numbers])
+        u, c = np.nonzero(variances)
         if len(u):
-            factor = corrections[u, :, c][:, rows] * np.sqrt(variances[numbers][u, c])[:, None]
+            factor = corrections[u, :, c][:, rows] * np.sqrt(variances[u, c])[:, None]
             noise[name] = (*noise.get(name, ()), Noise(places[u], rows, None, factor[:, :, None]))

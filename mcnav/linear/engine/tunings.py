@@ -84,40 +84,39 @@ class _Pass:
         for total, timeline in zip(self.covariance, timelines, strict=True):
             for covariance in timeline.sized(timeline.start.noise).values():
                 total += covariance
-        # by update and component, of each tuning
-        self.believed = np.stack([filtered.variances for filtered in filters], axis=1)
-        self.measured = np.stack([_total(each, filters[0].variances.shape) for each in timelines], axis=1)
-        self.disturbances = updates.disturbances[:, :, used]
-        self.innovations = np.zeros((*self.believed.shape, self.believed.shape[2]))
+        self.definite = np.ones(len(timelines), dtype=np.bool_)
 
     def run(self, positions: IndexArray) -> list[Tuned]:
         """Run to the last position, and read out."""
-        timeline, sizes = self.timelines[0], self.updates.sizes.tolist()
+        timeline = self.timelines[0]
         tables = self.partials, self.covariance, self.own
         read = tuple(np.zeros((len(positions), *table.shape)) for table in tables)
-        u, reading, wanted = 0, 0, [*positions.tolist(), -1]
+        reading, wanted = 0, [*positions.tolist(), -1]
         with one_thread():
             for first, last in bounds(0, int(positions[-1])):
                 steps = self._steps(*timeline.steps_before[[first, last]].tolist())
+                updates = _Updates.of(self, *timeline.updates_before[[first, last]].tolist())
+                u = 0
                 for position, is_update in enumerate(timeline.is_update[first:last].tolist(), first):
                     if position == wanted[reading]:
                         self._read(read, reading)
                         reading += 1
                     if is_update:
-                        self._update(u, sizes[u])
+                        self._update(updates, u, int(updates.sizes[u]))
                         u += 1
                     else:
                         self._step(*next(steps))
+                self.definite &= updates.definite
         self._read(read, -1)
-        return [self._tuned(number, u, read) for number in range(len(self.timelines))]
+        return [self._tuned(number, read) for number in range(len(self.timelines))]
 
     def _read(self, read: Sequence[Array], reading: int) -> None:
         for table, state in zip(read, (self.partials, self.covariance, self.own), strict=True):
             table[reading] = state
 
-    def _tuned(self, number: int, count: int, read: Sequence[Array]) -> Tuned:
-        """Return what was read of a tuning; NaN where one of so many innovations has no definite covariance."""
-        definite = is_definite(self.innovations[:count, number], self.updates.sizes[:count])
+    def _tuned(self, number: int, read: Sequence[Array]) -> Tuned:
+        """Return what was read of a tuning; NaN where one of its innovations has no definite covariance."""
+        definite = self.definite[number]
         return Tuned(*(table[:, number] if definite else np.full_like(table[:, number], np.nan) for table in read))
 
     def _steps(self, first: int, last: int) -> Iterator[tuple[Array, ...]]:
@@ -133,23 +132,63 @@ class _Pass:
         self.partials = transition @ self.partials
         self.partials += inputs
 
-    def _update(self, u: int, m: int) -> None:
-        filtered, believed = self.filters[0], self.believed[u, :, :m]
-        own_response, response = filtered.responses[u, :m], self.updates.responses[u, :m]
+    def _update(self, updates: _Updates, u: int, m: int) -> None:
+        filtered, believed = self.filters[0], updates.believed[u, :, :m]
+        own_response, response = updates.own_responses[u, :m], updates.responses[u, :m]
         cross, innovations = innovation_covariance(self.own, own_response)
         innovations.reshape(len(innovations), -1)[:, :: m + 1] += believed
-        self.innovations[u, :, :m, :m] = innovations
+        updates.innovations[u, :, :m, :m] = innovations
         gains = (np.linalg.inv(innovations) @ cross).swapaxes(1, 2) * filtered.corrected[:, None]
         self.own = update(self.own, cross, gains, own_response, believed)
         gains = filtered.place @ gains
-        self.covariance = update(self.covariance, response @ self.covariance, gains, response, self.measured[u, :, :m])
-        self.partials -= gains @ (response @ self.partials + self.disturbances[u, :m])
+        measured = updates.measured[u, :, :m]
+        self.covariance = update(self.covariance, response @ self.covariance, gains, response, measured)
+        self.partials -= gains @ (response @ self.partials + updates.disturbances[u, :m])
 
 
-def _total(timeline: Timeline, shape: tuple[int, ...]) -> Array:
-    """Return the variances of the measurements by all processes, shape (U, M)."""
-    assert timeline.updates is not None
-    return sum(timeline.updates.variances.values(), np.zeros(shape))
+@dataclass(frozen=True)
+class _Updates:
+    """Some updates of a pass, u of them.
+
+    Attributes
+    ----------
+    own_responses, responses, disturbances : ndarray, shapes (u, M, f), (u, M, n), (u, M, used + 1)
+    believed, measured : ndarray, shape (u, N, M)
+        Variances by update and component, of each tuning.
+    innovations : ndarray, shape (u, N, M, M)
+        Their covariances, as they become known.
+    """
+
+    sizes: IndexArray
+    own_responses: Array
+    responses: Array
+    disturbances: Array
+    believed: Array
+    measured: Array
+    innovations: Array
+
+    @classmethod
+    def of(cls, of: _Pass, first: int, last: int) -> _Updates:
+        """Take the updates from the first to before the last."""
+        all_updates, rows = [timeline.updates for timeline in of.timelines], slice(first, last)
+        believed = np.stack([filtered.variances[rows] for filtered in of.filters], axis=1)
+        measured = np.zeros_like(believed)
+        for number, updates in enumerate(all_updates):
+            assert updates is not None
+            measured[:, number] = sum((table[rows] for table in updates.variances.values()), measured[:, number])
+        return cls(
+            of.updates.sizes[rows], of.filters[0].responses[rows], of.updates.responses[rows],
+            of.updates.disturbances[rows][:, :, of.used], believed, measured,
+            np.zeros((*believed.shape, believed.shape[2])),
+        )  # fmt: skip
+
+    @property
+    def definite(self) -> NDArray[np.bool_]:
+        """Tunings of which all innovations have a positive definite covariance, shape (N,)."""
+        count, most = self.innovations.shape[1:3]
+        if is_definite(self.innovations.reshape(-1, most, most), np.repeat(self.sizes, count)):
+            return np.ones(count, dtype=np.bool_)
+        return np.array([is_definite(each, self.sizes) for each in self.innovations.swapaxes(0, 1)], dtype=np.bool_)
 
 
 def _added_up(noise: Mapping[str, StepNoise], sizes: Sequence[Mapping[str, float]], shape: tuple[int, ...]) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.arrays.products import transformed_variances
+from mcnav.arrays.rows import Table
 from mcnav.arrays.types import Array
 from mcnav.contract.linear import LinearSystem, Update
 from mcnav.contract.scenario import ScenarioError
@@ -75,7 +76,7 @@ class LinearLoop:
         return design(loop.timeline, np.arange(self.begin, loop.timeline.end + 1), self.begin, self.start)
 
     @property
-    def gains(self) -> Array | None:
+    def gains(self) -> Table | None:
         """Gains of all updates; none without a filter."""
         return None if self.design is None else self.design.gains
 

@@ -59,7 +59,13 @@ SHARED_CHUNK: Final = 256
 SMOOTHED_CHUNK: Final = 128
 
 MOST_STEPS: Final = 60_000
-"""Steps of the grid: with an update in each, the tables of linear analysis and of samples take some 20 kB a step."""
+"""Steps of the grid when it is halved."""
+
+MOST_FLOWN: Final = 100_000
+"""Steps of the grid of samples, whose tables take some 20 kB a step. Linear analysis computes its own in blocks."""
+
+QUICKLY_FLOWN: Final = 20_000
+"""Steps up to which flights examine linear analysis unasked: memory would grow by more than a quarter of a gigabyte."""
 
 PROBES: Final = 8
 """Samples on which the steps are settled."""
@@ -107,13 +113,33 @@ class AidedNavigation:
         knots = np.unique(np.concatenate([self.times if times is None else times, *updates]))
         apart = np.concatenate([[True], np.diff(knots) > 1e-9])
         knots = knots[apart]
-        if (len(knots) - 1) * division > MOST_STEPS:
-            raise ScenarioError(
-                "aiding", f"got {len(knots)} instants of updates and epochs; at most {MOST_STEPS} can be handled"
-            )
         parts = np.arange(division) / division
         inner = knots[:-1, None] + parts * np.diff(knots)[:, None]
         return np.append(inner.ravel(), knots[-1])
+
+    @property
+    def steps(self) -> int:
+        """Steps of the coarsest grid."""
+        return len(self.loop.times) - 1
+
+    @property
+    def can_be_flown(self) -> bool:
+        """Whether there is room for the tables of samples."""
+        return self.steps <= MOST_FLOWN
+
+    @property
+    def too_long(self) -> str:
+        """Clause that says why flights do not examine linear analysis unasked; empty where they may."""
+        return f"flights with {self.steps:,} steps take much memory" if self.steps > QUICKLY_FLOWN else ""
+
+    def check_steps(self) -> None:
+        """Refuse samples with more updates and epochs than there is room for, with `ScenarioError`."""
+        if not self.can_be_flown:
+            raise ScenarioError(
+                "aiding",
+                f"got {self.steps:,} instants of updates and epochs; samples take at most {MOST_FLOWN:,}. "
+                "mcnav lincov takes them all",
+            )
 
     @cached_property
     def loop(self) -> ClosedLoop:
@@ -124,7 +150,7 @@ class AidedNavigation:
 
     def _close(self, division: int) -> ClosedLoop:
         """Return the closed loop on a finer grid, of which samples take tables of their own once."""
-        once, known = partial(Responses, kept=0), self.loop.measurements
+        once, known = partial(Responses, kept=0), self.loop.schedule
         grid = self.grid(division)
         return close_loop(self.truth, self.platform, grid, self.imu, self.sensors, self.filter, once, known)
 

@@ -98,6 +98,9 @@ PROCESS_UNITS: Final = {
 """SI unit and unit shown of each kind of process."""
 
 
+NO_FLIGHT: Final = "there are too many measurements for flights, so that none has examined linear analysis"
+
+
 def kind_of(name: str) -> str:
     """Return the kind of a source, a beginning of its name in `KINDS`."""
     return next(kind for kind in KINDS if name == kind or name.startswith(f"{kind}_"))
@@ -473,7 +476,8 @@ class Ins(PlainScenario):
             return self.remarks
         means = dict(zip(names, mean.tolist(), strict=True))
         sigmas = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-        return (*self.remarks, *remarks_on_delays(aided.loop, aided.places(aided.loop), means, sigmas))
+        unflown = () if aided.can_be_flown else (NO_FLIGHT,)
+        return (*self.remarks, *unflown, *remarks_on_delays(aided.loop, aided.places(aided.loop), means, sigmas))
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -652,8 +656,8 @@ class Ins(PlainScenario):
             for sensor in aided.sensors
         )
         loop = aided.loop
-        measured = loop.measurements
-        return GatedFilter(loop.timeline, loop.designed, sensors, measured.sensors, measured.times, mean, covariance)
+        updates = loop.schedule
+        return GatedFilter(loop.timeline, loop.designed, sensors, updates.order, updates.times, mean, covariance)
 
     def with_epochs(self, times: tuple[float, ...]) -> Self:
         """Return the same with further epochs, s."""
@@ -788,6 +792,8 @@ class Ins(PlainScenario):
     def engine(self, engine: str, probes: Array) -> Engine:
         """Prepare one of the engines; the ensemble's steps are halved until the probes, (n, sources), agree."""
         aided, schema = self.navigation.aided, self.filter_schema
+        if aided is not None:
+            aided.check_steps()
         smoothed = self.navigation.filter is not None and self.navigation.filter.smoothed
         if smoothed and engine != "shared-gains":
             raise ScenarioError(

@@ -72,21 +72,22 @@ def adjoint_of_closed(loop: ClosedLoop, gains: Array, last: int, output_map: Arr
         Of the filter.
     """
     tables, measured, first = loop.filter, loop.measurements, loop.first_updates
-    start = np.zeros((NAVIGATION, NAVIGATION + tables.decay.shape[1]))
+    start = np.zeros((NAVIGATION, NAVIGATION + len(tables.states)))
     start[:, :NAVIGATION] = output_map
-    of_steps = np.zeros((len(tables.decay), NAVIGATION, NAVIGATION))
+    of_steps = np.zeros((len(loop.times) - 1, NAVIGATION, NAVIGATION))
     of_updates = np.zeros((len(measured.sizes), NAVIGATION, gains.shape[2]))
     reached = first[last + 1]  # updates from here on are after the last time, or belong to the block that follows
     for begin in range(last // BLOCK * BLOCK, -1, -BLOCK):
         end = min(begin + BLOCK, last)
         steps, updates = slice(begin, end), slice(first[begin], reached)
         numbers = np.append(first[begin : end + 1], reached) - first[begin]
-        over, responses, true_gains = tables.transitions[steps].copy(), -tables.rows[updates], gains[updates].copy()
+        (over, decay), true_gains = tables.between(begin, end), gains[updates].copy()
+        responses = -tables.rows[updates]
         over[:, :, NAVIGATION:] *= -1.0
         true_gains[:, NAVIGATION:] *= -1.0
         responses = np.concatenate([measured.rows[updates], responses], axis=2)
         start, of_steps[steps], of_updates[updates] = run_backwards(
-            Steps(over, tables.decay[steps]), Updates(numbers, measured.sizes[updates], responses), true_gains,
+            Steps(over, decay), Updates(numbers, measured.sizes[updates], responses), true_gains,
             end - begin, start,
         )  # fmt: skip
         reached = first[begin]

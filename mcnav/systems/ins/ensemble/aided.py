@@ -186,12 +186,16 @@ class AidedTables:
     @cached_property
     def estimate_steps(self) -> EstimateSteps:
         """Tables of the estimates over the steps, for compiled code."""
-        model = self.loop.filter
-        coupled = np.any(model.coupling, axis=0)
+        model, steps, states = self.loop.filter, len(self.ensemble.durations), len(self.loop.filter.states)
+        coupling, decay = np.empty((steps, NAVIGATION, states)), np.empty((steps, states))
+        for first in range(0, steps, BLOCK):
+            block = slice(first, min(first + BLOCK, steps))
+            over, decay[block] = model.between(block.start, block.stop)
+            coupling[block] = over[:, :, NAVIGATION:]
+        coupled = np.any(coupling, axis=0)
         return EstimateSteps(
-            np.ascontiguousarray(model.coupling), model.decay, model.corrected,
-            np.flatnonzero(np.any(coupled[:3], axis=0)), np.flatnonzero(np.any(coupled[3:], axis=0)),
-            np.flatnonzero(np.any(model.decay != 1.0, axis=0)),
+            coupling, decay, model.corrected, np.flatnonzero(np.any(coupled[:3], axis=0)),
+            np.flatnonzero(np.any(coupled[3:], axis=0)), np.flatnonzero(np.any(decay != 1.0, axis=0)),
         )  # fmt: skip
 
     @cached_property
@@ -224,13 +228,12 @@ class AidedTables:
 
     def _filter_steps(self, count: int) -> FilterSteps:
         """Return the tables over the first steps."""
-        model, shared = self.loop.filter, self.ensemble
+        model, shared, estimated = self.loop.filter, self.ensemble, self.estimate_steps
         threes = THREE + count_threes(len(model.constants))
         noises = np.empty((count, threes, threes, ENTRIES))
-        for first in range(0, count, BLOCK):
-            steps = slice(first, min(first + BLOCK, count))
-            noises[steps] = blocks_of(noise_matrices(model.noise, steps))
-        of_steps = (shared.durations, shared.motion, shared.thrust, model.coupling, model.decay)
+        for steps, over in model.blocks() if count else ():
+            noises[steps] = blocks_of(noise_matrices(over.noise))
+        of_steps = (shared.durations, shared.motion, shared.thrust, estimated.coupling, estimated.decay)
         durations, motion, thrust, coupling, decay = (table[:count] for table in of_steps)
         return filter_steps(
             durations, motion, thrust, coupling, decay, noises, model.corrected,
@@ -336,7 +339,7 @@ class AidedTables:
         return EpochTables(
             shared.epochs, shared.truth, shared.output_maps, covariances, self.loop.first_updates, shared.sizes,
             blocks_of(model.initial), self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
-            np.ascontiguousarray(model.natural[shared.epochs]), model.partners,
+            np.ascontiguousarray(model.natural(shared.epochs)), model.partners,
         )  # fmt: skip
 
     @cached_property

@@ -47,4 +47,5 @@ def filter_system(loop: ClosedLoop) -> tuple[tuple[Steps, StepNoise], Updates]:
     """Return F and Q, and H, of the filter's own states."""
     tables, measured = loop.filter, loop.measurements
     rows = np.concatenate([measured.rows, tables.rows], axis=2)
-    return (Steps(tables.transitions, tables.decay), tables.noise), Updates(loop.first_updates, measured.sizes, rows)
+    over = tables.whole
+    return (Steps(over.transitions, over.decay), over.noise), Updates(loop.first_updates, measured.sizes, rows)

@@ -22,7 +22,7 @@ from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, compiled
 from mcnav.compiled.shapes import check_numbers, check_shapes
 from mcnav.compiled.vectors import PART, Vector, load_part, room_of_parts, store_part
-from mcnav.systems.ins.ensemble.filter_system import Steps, Updates, filter_system
+from mcnav.systems.ins.ensemble.filter_system import Steps, Updates
 from mcnav.systems.ins.filter.tables import StepNoise
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 
@@ -118,7 +118,7 @@ def _check_noise(noise: StepNoise, variances: Array, start: Array, of: tuple[int
 def design_gains(
     steps: Steps, noise: StepNoise, updates: Updates, variances: Array, corrected: Array, start: Array,
     readings: ReadingTimes,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array, Array]:  # fmt: skip
     """Compute a filter's gains along the truth.
 
     Parameters
@@ -136,6 +136,8 @@ def design_gains(
         K, and the Cholesky factor of S.
     covariances : ndarray, shape (m, 9 + q, 9 + q)
         P at the readings.
+    covariance : ndarray, shape (9 + q, 9 + q)
+        P at the end.
     """
     of = check_tables(steps, updates, readings)
     _check_noise(noise, variances, start, of)
@@ -143,8 +145,9 @@ def design_gains(
     check_shapes((("corrected", corrected, (states,)),))
     gains, roots = np.zeros((number, states, most)), np.zeros((number, most, most))
     covariances = np.zeros((len(readings.numbers), states, states))
-    _design_gains(steps, noise, updates, variances, corrected, _rooms(start, most), readings, gains, roots, covariances)
-    return gains, roots, covariances
+    rooms = _rooms(start, most)
+    _design_gains(steps, noise, updates, variances, corrected, rooms, readings, gains, roots, covariances)
+    return gains, roots, covariances, rooms.p.numbers[:, :states].copy()
 
 
 @dataclass(frozen=True)
@@ -164,10 +167,27 @@ class SharedGains:
 
     @classmethod
     def along(cls, loop: ClosedLoop, readings: IndexArray) -> SharedGains:
-        """Design the filter of a loop; readings are numbers of times."""
-        tables, (steps, updates) = loop.filter, filter_system(loop)
-        after = ReadingTimes(readings, np.ones(len(readings), dtype=np.bool_))
-        return cls(*design_gains(*steps, updates, tables.variances, tables.corrected, tables.initial, after))
+        """Design the filter of a loop, block by block; readings are numbers of times, rising."""
+        tables, first, measured = loop.filter, loop.first_updates, loop.measurements
+        states, steps = len(tables.corrected), len(loop.times) - 1
+        number, most = measured.components.shape
+        gains, roots = np.zeros((number, states, most)), np.zeros((number, most, most))
+        covariances, covariance = np.zeros((len(readings), states, states)), tables.initial
+        for block, over in tables.blocks():
+            # a block ends before the updates at its last time, but for the last one
+            end = block.stop + (block.stop == steps)
+            updates, numbers = slice(int(first[block.start]), int(first[end])), first[block.start : block.stop + 1]
+            read = slice(*np.searchsorted(readings, [block.start, end]).tolist())
+            of_block = Updates(
+                np.append(numbers, first[end]) - first[block.start], measured.sizes[updates],
+                np.concatenate([measured.rows[updates], tables.rows[updates]], axis=2),
+            )  # fmt: skip
+            after = ReadingTimes(readings[read] - block.start, np.ones(read.stop - read.start, dtype=np.bool_))
+            gains[updates], roots[updates], covariances[read], covariance = design_gains(
+                Steps(over.transitions, over.decay), over.noise, of_block, tables.variances[updates], tables.corrected,
+                covariance, after,
+            )  # fmt: skip
+        return cls(gains, roots, covariances)
 
 
 @compiled

@@ -13,12 +13,14 @@ are of size one, for the truth and for the filter: sizes are those of a timeline
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mcnav.arrays.rows import Rows
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.contract.timeline import FilterSteps, Instants, Start, StepNoise, Steps, Timeline, TimelineFilter, Updates
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
@@ -27,10 +29,10 @@ from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, of_unit_sizes, pro
 from mcnav.systems.ins.linear.covariance import biased_processes, output_map, process_systems
 from mcnav.systems.ins.linear.inertial_steps import InertialSteps
 from mcnav.systems.ins.linear.response_blocks import Responses
-from mcnav.systems.ins.linear.sensor_processes import SensorProcess, sensor_processes, white_variances
+from mcnav.systems.ins.linear.sensor_processes import SensorProcess, sensor_processes, white_processes, white_variances
 from mcnav.systems.ins.linear.sizes import states_of_sizes
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants, aiding_processes
-from mcnav.systems.ins.sensors.measurements import Measurements, rate_error, white_sigmas
+from mcnav.systems.ins.sensors.measurements import Measurements, Schedule, rate_error, white_sigmas
 from mcnav.systems.ins.truth.trajectory import Truth
 
 
@@ -49,7 +51,7 @@ class AidedSystem:
     sensors: tuple[Sensor, ...]
     model: FilterModel
     responses: Responses
-    measurements: Measurements
+    schedule: Schedule
     filter: FilterTables
     first_updates: IndexArray
 
@@ -69,17 +71,17 @@ class AidedSystem:
         start = float(self.responses.times[0])
         return replace(
             timeline, sizes=_sizes(imu, sensors, timeline.processes),
-            updates=replace(updates, variances=white_variances(sensors, self.measurements)),
+            updates=replace(updates, variances=self._white_variances(sensors)),
             filter=replace(
                 filtered, covariance=initial_covariance(self.truth, beliefs.covariance, states, start, 0.0),
-                variances=white_sigmas(beliefs.sensors, self.measurements) ** 2,
+                variances=self._rows((), partial(_believed_variances, beliefs.sensors)),
                 sizes=_sizes(beliefs.imu, beliefs.sensors, self._believed_processes),
             ),
         )  # fmt: skip
 
     @cached_property
     def _of_unit_sizes(self) -> Timeline:
-        places, count = np.arange(len(self.responses.times)), len(self.measurements.times)
+        places, count = np.arange(len(self.responses.times)), len(self.schedule.times)
         before, after = self.first_updates[:-1] + places, self.first_updates[1:] + places
         is_update = np.ones(count + len(places) - 1, dtype=np.bool_)
         is_update[after[:-1]] = False
@@ -95,11 +97,11 @@ class AidedSystem:
 
     @cached_property
     def _processes(self) -> dict[str, SensorProcess]:
-        return sensor_processes(self.sensors, self.measurements, self.responses.times)
+        return sensor_processes(self.sensors, float(self.responses.times[0]))
 
     @cached_property
     def _inertial(self) -> InertialSteps:
-        added = sum(process.decay.shape[1] for process in self._processes.values())
+        added = sum(process.biases for process in self._processes.values())
         sources = len(CONSTANTS) + len(aiding_constants(self.sensors))
         return InertialSteps.of(self.responses, self.imu, sources, NAVIGATION + self._others, added)
 
@@ -108,7 +110,7 @@ class AidedSystem:
         biases = dict(self._inertial.biases)
         first = NAVIGATION + self._others + sum(map(len, biases.values()))
         for name, process in self._processes.items():
-            count = process.decay.shape[1]
+            count = process.biases
             biases[name] = np.arange(first, first + count)
             first += count
         return biases
@@ -117,12 +119,12 @@ class AidedSystem:
         """Return the start of a navigator that has all measurements from a position on."""
         inertial, started, number = self._inertial, dict(self._inertial.started), self._number_of_time(position)
         start = float(self.responses.times[number])
+        since, model = start - float(self.responses.times[0]), self.model
         partials = np.zeros((inertial.states, inertial.sources + 1))
         partials[:NAVIGATION, :NAVIGATION] = np.linalg.inv(output_map(self.truth, start))
         for name, process in self._processes.items():
             started[name] = np.zeros((inertial.states,) * 2)
-            started[name][np.ix_(self._biases[name], self._biases[name])] = process.started[number]
-        since, model = start - float(self.responses.times[0]), self.model
+            started[name][np.ix_(self._biases[name], self._biases[name])] = process.started(since)
         own = initial_covariance(self.truth, model.beliefs.covariance, model.states, start, since)
         return Start(partials, started, filter_covariance=own if number else None)
 
@@ -132,32 +134,51 @@ class AidedSystem:
     def _steps(self, first: int, last: int) -> Steps:
         steps, estimates = self._inertial.between(first, last), NAVIGATION + np.arange(self._others)
         over, noise = steps.transitions, dict(steps.noise)
-        over[:, :NAVIGATION, estimates] = -self.filter.coupling[first:last]
-        over[:, estimates, estimates] = self.filter.decay[first:last]
+        of_filter, decay = self.filter.between(first, last)
+        over[:, :NAVIGATION, estimates] = -of_filter[:, :, NAVIGATION:]
+        over[:, estimates, estimates] = decay
+        times = self.responses.times[first : last + 1] - self.responses.times[0]
         for name, process in self._processes.items():
             rows = self._biases[name]
-            over[:, rows, rows] = process.decay[first:last]
-            noise[name] = StepNoise(rows, process.noise[first:last])
+            over[:, rows, rows], added = process.over(times)
+            noise[name] = StepNoise(rows, added)
         return Steps(over, steps.inputs, noise)
+
+    def _rows(self, width: tuple[int, ...], compute: Callable[[Measurements], Array]) -> Rows:
+        """Return a table of the updates by component, shape (U, M, ...), from what computes it of measurements."""
+        schedule = self.schedule
+        shape = (len(schedule.times), schedule.most, *width)
+        return Rows(shape, lambda first, last: compute(schedule.between(first, last)))
+
+    def _white_variances(self, sensors: tuple[Sensor, ...]) -> dict[str, Rows]:
+        numbers = white_processes(sensors, self.schedule)
+        return {name: self._rows((), partial(white_variances, sensors, number)) for name, number in numbers.items()}
 
     @cached_property
     def _updates(self) -> Updates:
-        measured, inertial = self.measurements, self._inertial
-        within = (np.arange(measured.components.shape[1]) < measured.sizes[:, None])[:, :, None]
+        inertial = self._inertial
+        responses = self._rows((inertial.states,), self._responses_of)
+        return Updates(self.schedule.sizes, responses, self._rows((inertial.sources + 1,), self._disturbances_of))
+
+    def _responses_of(self, measured: Measurements) -> Array:
+        inertial = self._inertial
         responses = np.zeros((*measured.components.shape, inertial.states))
-        responses[:, :, : NAVIGATION + self._others] = np.concatenate([measured.rows, -self.filter.rows], axis=2)
+        responses[:, :, : NAVIGATION + self._others] = np.concatenate(
+            [measured.rows, -self.filter.rows_of(measured)], axis=2
+        )
         for name, rows in inertial.biases.items():
             if measured.swings.size and rate_error(name) >= 0:
                 responses[:, :, rows] = measured.swings[:, :, [rate_error(name)]]
         for name, process in self._processes.items():
-            responses[:, :, self._biases[name]] = process.seen
-        disturbances = np.zeros((*measured.components.shape, inertial.sources + 1))
+            responses[:, :, self._biases[name]] = process.seen(measured)
+        return np.asarray(responses * _within(measured))
+
+    def _disturbances_of(self, measured: Measurements) -> Array:
+        disturbances = np.zeros((*measured.components.shape, self._inertial.sources + 1))
         disturbances[:, :, NAVIGATION : NAVIGATION + measured.swings.shape[2]] = measured.swings
         disturbances[:, :, len(CONSTANTS) : -1] = measured.constants
         disturbances[:, :, -1] = -measured.faults
-        responses *= within
-        disturbances *= within
-        return Updates(measured.sizes, responses, disturbances)
+        return np.asarray(disturbances * _within(measured))
 
     @property
     def _filter(self) -> TimelineFilter:
@@ -165,16 +186,19 @@ class AidedSystem:
         place = np.zeros((self._inertial.states, size))
         place[:size] = np.diag(np.repeat([1.0, -1.0], [NAVIGATION, self._others]))
         return TimelineFilter(
-            self._filter_steps, np.concatenate([self.measurements.rows, tables.rows], axis=2), tables.variances,
+            self._filter_steps, self._rows((size,), self._own_responses_of), self._rows((), tables.variances_of),
             tables.initial, tables.corrected, place, self._true_errors,
         )  # fmt: skip
 
+    def _own_responses_of(self, measured: Measurements) -> Array:
+        return np.concatenate([measured.rows, self.filter.rows_of(measured)], axis=2)
+
     def _filter_steps(self, first: int, last: int) -> FilterSteps:
-        tables, states = self.filter, NAVIGATION + np.arange(self._others)
+        systems = process_systems(self.filter.believed.between(first, last), of_unit_sizes(self.model.beliefs.imu))
+        states = NAVIGATION + np.arange(self._others)
         over = np.zeros((last - first, NAVIGATION + self._others, NAVIGATION + self._others))
-        over[:, :NAVIGATION] = tables.transitions[first:last]
-        over[:, states, states] = tables.decay[first:last]
-        return FilterSteps(over, self._believed_noise(first, last))
+        over[:, :NAVIGATION], over[:, states, states] = self.filter.between(first, last, systems)
+        return FilterSteps(over, self._believed_noise(first, last, systems))
 
     @cached_property
     def _believed_processes(self) -> tuple[str, ...]:
@@ -184,22 +208,22 @@ class AidedSystem:
         white = set(process_variances(beliefs.imu)) - set(biased)
         return tuple(sorted(white | modelled))
 
-    def _believed_noise(self, first: int, last: int) -> dict[str, StepNoise]:
+    def _believed_noise(
+        self, first: int, last: int, systems: Mapping[str, tuple[Array, Array, Array]]
+    ) -> dict[str, StepNoise]:
         """Return what the filter's processes, of size one, add in some steps to psi, v, x and to its other states."""
         noise, times = dict[str, StepNoise](), self.responses.times
         place_of = {name: place for place, names in enumerate(self.filter.processes, NAVIGATION) for name in names[:1]}
-        imu = of_unit_sizes(self.model.beliefs.imu)
-        for name, (_, added, _) in process_systems(self.filter.believed.between(first, last), imu).items():
+        for name, (_, added, _) in systems.items():
             if name in self._believed_processes:
                 rows = np.arange(NAVIGATION + 1)
                 used = np.asarray(np.diagonal(added, axis1=1, axis2=2).any(axis=0))
                 rows[NAVIGATION] = place_of.get(name, NAVIGATION)
                 used[NAVIGATION] &= name in place_of
                 noise[name] = StepNoise(rows[used], added[:, used][:, :, used])
-        steps = slice(first, last)
         for place, (state, names) in enumerate(zip(self.model.states, self.filter.processes, strict=True), NAVIGATION):
             if state.flexure is not None and not state.flexure.rate:
-                added = state.flexure.flexure.noise(times - times[0])[steps]
+                added = state.flexure.flexure.noise(times[first : last + 1] - times[0])
                 noise[names[0]] = StepNoise(np.array([place, place + 1]), added)
             elif names and names[0] not in noise and state.flexure is None and np.isfinite(state.correlation_time):
                 added = -np.expm1(-2.0 * np.diff(times[first : last + 1]) / state.correlation_time)
@@ -233,6 +257,15 @@ class AidedSystem:
         """Return the number of the time of a position."""
         before = self.first_updates[:-1] + np.arange(len(self.responses.times))
         return int(np.searchsorted(before, position, side="right")) - 1
+
+
+def _within(measured: Measurements) -> NDArray[np.bool_]:
+    """Return which components an update has, shape (u, M, 1)."""
+    return (np.arange(measured.components.shape[1]) < measured.sizes[:, None])[:, :, None]
+
+
+def _believed_variances(sensors: tuple[Sensor, ...], measured: Measurements) -> Array:
+    return np.asarray(white_sigmas(sensors, measured) ** 2)
 
 
 def _sizes(imu: Imu, sensors: tuple[Sensor, ...], names: Collection[str]) -> dict[str, float]:

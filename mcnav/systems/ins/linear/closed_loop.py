@@ -17,7 +17,7 @@ from mcnav.systems.ins.imu.instruments import Imu
 from mcnav.systems.ins.linear.aided_timeline import AidedSystem
 from mcnav.systems.ins.linear.response_blocks import Responses
 from mcnav.systems.ins.sensors.aiding import Sensor
-from mcnav.systems.ins.sensors.measurements import Measurements, measure
+from mcnav.systems.ins.sensors.measurements import Measurements, Schedule
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
 
 
@@ -55,7 +55,7 @@ class ClosedLoop:
     sensors: tuple[Sensor, ...]
     model: FilterModel
     responses: Responses
-    measurements: Measurements
+    schedule: Schedule
     filter: FilterTables
     first_updates: IndexArray
     filter_design: FilterDesign = field(default_factory=FilterDesign)
@@ -65,11 +65,16 @@ class ClosedLoop:
         """Times of the grid, shape (K + 1,)."""
         return self.responses.times
 
+    @property
+    def measurements(self) -> Measurements:
+        """Tables of all updates, which samples take."""
+        return self.schedule.whole
+
     @cached_property
     def system(self) -> AidedSystem:
         """What its timeline and those of its tunings consist of."""
         return AidedSystem(
-            self.truth, self.imu, self.sensors, self.model, self.responses, self.measurements, self.filter,
+            self.truth, self.imu, self.sensors, self.model, self.responses, self.schedule, self.filter,
             self.first_updates,
         )  # fmt: skip
 
@@ -93,7 +98,7 @@ class ClosedLoop:
 
 def close_loop(
     truth: Truth, platform: Platform, times: Array, imu: Imu, sensors: tuple[Sensor, ...], model: FilterModel,
-    respond: Callable[[Truth, Platform, Array, Imu], Responses] = Responses, measurements: Measurements | None = None,
+    respond: Callable[[Truth, Platform, Array, Imu], Responses] = Responses, schedule: Schedule | None = None,
 ) -> ClosedLoop:  # fmt: skip
     """Tabulate an aided navigator along the truth.
 
@@ -103,14 +108,14 @@ def close_loop(
         Rising, with all instants of the sensors among them; the first is the start of navigation.
     respond : callable
         Returns the responses over the steps.
-    measurements : Measurements, optional
-        Of the sensors, where they are known.
+    schedule : Schedule, optional
+        Of the sensors' updates, where it is known.
     """
     responses = respond(truth, platform, times, imu)
-    measurements = measure(truth, platform, float(times[0]), sensors) if measurements is None else measurements
-    tables = tabulate_filter(truth, platform, imu, responses, model, measurements)
-    first = np.append(np.searchsorted(measurements.times, times, side="left"), len(measurements.times))
-    return ClosedLoop(truth, platform, imu, sensors, model, responses, measurements, tables, first)
+    schedule = Schedule.of(truth, platform, float(times[0]), sensors) if schedule is None else schedule
+    tables = tabulate_filter(truth, imu, responses, model, schedule)
+    first = np.append(np.searchsorted(schedule.times, times, side="left"), len(schedule.times))
+    return ClosedLoop(truth, platform, imu, sensors, model, responses, schedule, tables, first)
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,7 @@ class ShownPairs:
         tables = loop.filter
         if np.array_equal(tables.partners, np.arange(len(tables.partners))):
             return None
-        return cls(tables.natural[readings], tables.partners)
+        return cls(tables.natural(readings), tables.partners)
 
     def of_values(self, values: Array) -> Array:
         """Return values of the states, shape (m, q, s), as they are shown."""

@@ -2,86 +2,105 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
-from mcnav.systems.ins.sensors.aiding import Component, Sensor
+from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.flexure import Flexure, flexure_process
-from mcnav.systems.ins.sensors.measurements import Measurements, flexure_rows, jitter_rows, white_sigmas
+from mcnav.systems.ins.sensors.measurements import Measurements, Schedule, flexure_rows, jitter_rows, white_sigmas
 
 
 @dataclass(frozen=True)
 class SensorProcess:
-    """A process of a sensor over K steps and U updates, with b biases of its own, of size one.
+    """A process of a sensor with b biases of its own, of size one, whose tables are computed where they are asked for.
 
     Attributes
     ----------
-    decay, noise : ndarray, shapes (K, b), (K, b, b)
-        What is left of the biases after a step, and the covariance that it adds.
-    started : ndarray, shape (K + 1, b, b)
-        Their covariance where navigation starts at a time.
-    seen : ndarray, shape (U, M, b)
-        Responses of the innovations to the biases.
+    biases : int
+    over : callable
+        From the times of steps since the start, shape (k + 1,), to what is left of the biases after each and the
+        covariance that it adds, shapes (k, b), (k, b, b).
+    started : callable
+        From a time since the start to their covariance where navigation starts then, shape (b, b).
+    seen : callable
+        From measurements to the responses of the innovations to the biases, shape (u, M, b).
     """
 
-    decay: Array
-    noise: Array
-    started: Array
-    seen: Array
+    biases: int
+    over: Callable[[Array], tuple[Array, Array]]
+    started: Callable[[float], Array]
+    seen: Callable[[Measurements], Array]
 
 
-def sensor_processes(sensors: tuple[Sensor, ...], measured: Measurements, times: Array) -> dict[str, SensorProcess]:
-    """Return the processes of sensors that have biases by name, over the steps between times, shape (K + 1,)."""
+def sensor_processes(sensors: tuple[Sensor, ...], start: float) -> dict[str, SensorProcess]:
+    """Return the processes of sensors that have biases by name, of a navigation from a start, s."""
     processes: dict[str, SensorProcess] = {}
-    for component, at in _components(sensors, measured):
+    for number, component in enumerate(component for sensor in sensors for component in sensor.components):
         if component.correlated > 0.0:
-            processes[component.error_name("correlated")] = _correlated(component, at, times)
+            seen = partial(_seen_correlated, number)
+            over = partial(_correlated, component.correlation_time)
+            processes[component.error_name("correlated")] = SensorProcess(1, over, _one, seen)
     for number, sensor in enumerate(sensors):
         if sensor.flexure is not None:
             for axis in sensor.flexure.axes:
-                name = flexure_process(sensor.name, axis)
-                processes[name] = _flexing(sensor.flexure, axis, number, measured, times)
+                processes[flexure_process(sensor.name, axis)] = SensorProcess(
+                    2, partial(_flexing, sensor.flexure), partial(_flexed, sensor.flexure),
+                    partial(flexure_rows, number=number, flexure=sensor.flexure, axis=axis, start=start),
+                )  # fmt: skip
         if sensor.jitter > 0.0:
-            processes[sensor.jitter_name] = _jittering(jitter_rows(measured, number), len(times))
+            processes[sensor.jitter_name] = SensorProcess(1, _jittering, _one, partial(_seen_jitter, number))
     return {name: processes[name] for sensor in sensors for name in sensor.processes() if name in processes}
 
 
-def white_variances(sensors: tuple[Sensor, ...], measured: Measurements) -> dict[str, Array]:
-    """Return the variances of the sensors' white noise by process, each of shape (U, M)."""
-    variances = white_sigmas(sensors, measured) ** 2
-    by_name = {component.error_name("noise"): variances * at for component, at in _components(sensors, measured)}
-    return {name: table for name, table in by_name.items() if table.any()}
+def white_processes(sensors: tuple[Sensor, ...], schedule: Schedule) -> dict[str, int]:
+    """Return the numbers of the components of which white noise is in any update, by process."""
+    measuring = {number for number, sensor in enumerate(sensors) if (schedule.order == number).any()}
+    owners = [(number, component) for number, sensor in enumerate(sensors) for component in sensor.components]
+    return {
+        component.error_name("noise"): place
+        for place, (number, component) in enumerate(owners)
+        if number in measuring and np.any(component.white_sigmas(1))
+    }
 
 
-def _components(sensors: tuple[Sensor, ...], measured: Measurements) -> Iterator[tuple[Component, NDArray[np.bool_]]]:
-    """Yield the components of all sensors, and where they are measured, shape (U, M)."""
+def white_variances(sensors: tuple[Sensor, ...], number: int, measured: Measurements) -> Array:
+    """Return the variances of the white noise of a component by its number, shape (u, M)."""
     within = np.arange(measured.components.shape[1]) < measured.sizes[:, None]
-    for number, component in enumerate(component for sensor in sensors for component in sensor.components):
-        yield component, within & (measured.components == number)
+    return np.asarray(white_sigmas(sensors, measured) ** 2 * (within & (measured.components == number)))
 
 
-def _correlated(component: Component, at: NDArray[np.bool_], times: Array) -> SensorProcess:
-    """Return a component's correlated errors, a Gauss-Markov process."""
-    shares = np.diff(times)[:, None] / component.correlation_time
-    added = np.asarray(-np.expm1(-2.0 * shares)[:, :, None])
-    seen = np.asarray(-1.0 * at[:, :, None])
-    return SensorProcess(np.asarray(np.exp(-shares)), added, np.ones((len(times), 1, 1)), seen)
+def _one(_: float) -> Array:
+    return np.ones((1, 1))
 
 
-def _jittering(responses: Array, times: int) -> SensorProcess:
-    """Return jitter, a delay of which nothing is left after a step."""
-    steps = times - 1
-    return SensorProcess(np.zeros((steps, 1)), np.ones((steps, 1, 1)), np.ones((times, 1, 1)), responses[:, :, None])
+def _correlated(correlation_time: float, times: Array) -> tuple[Array, Array]:
+    """Return what steps do to a component's correlated errors, a Gauss-Markov process."""
+    shares = np.diff(times)[:, None] / correlation_time
+    return np.asarray(np.exp(-shares)), np.asarray(-np.expm1(-2.0 * shares)[:, :, None])
 
 
-def _flexing(flexure: Flexure, axis: int, number: int, measured: Measurements, times: Array) -> SensorProcess:
-    """Return a flexure about an axis, whose two biases are its states s (`mcnav.systems.ins.sensors.flexure`)."""
-    since = times - times[0]
-    return SensorProcess(
-        np.repeat(flexure.decay(np.diff(since))[:, None], 2, axis=1), flexure.noise(since), flexure.covariance(since),
-        flexure_rows(measured, number, flexure, axis, float(times[0])),
-    )  # fmt: skip
+def _seen_correlated(number: int, measured: Measurements) -> Array:
+    within = np.arange(measured.components.shape[1]) < measured.sizes[:, None]
+    return np.asarray(-1.0 * (within & (measured.components == number))[:, :, None])
+
+
+def _jittering(times: Array) -> tuple[Array, Array]:
+    """Return what steps do to jitter, a delay of which nothing is left."""
+    return np.zeros((len(times) - 1, 1)), np.ones((len(times) - 1, 1, 1))
+
+
+def _seen_jitter(number: int, measured: Measurements) -> Array:
+    return np.asarray(jitter_rows(measured, number)[:, :, None])
+
+
+def _flexing(flexure: Flexure, times: Array) -> tuple[Array, Array]:
+    """Return what steps do to the two states s of a flexure (`mcnav.systems.ins.sensors.flexure`)."""
+    return np.repeat(flexure.decay(np.diff(times))[:, None], 2, axis=1), flexure.noise(times)
+
+
+def _flexed(flexure: Flexure, time: float) -> Array:
+    return np.asarray(flexure.covariance(np.array([time]))[0])

@@ -7,7 +7,9 @@ geometry of each quantity (`mcnav.systems.ins.sensors.registry`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +48,8 @@ class Measurements:
         Number of the sensor.
     sizes : ndarray of int, shape (U,)
         Components of the update.
+    numbers : ndarray of int, shape (U,)
+        Number of the update among those of its sensor.
     components : ndarray of int, shape (U, M)
         Number of each component among those of all sensors.
     kinds : ndarray of int, shape (U, M)
@@ -82,6 +86,7 @@ class Measurements:
     times: Array
     sensors: IndexArray
     sizes: IndexArray
+    numbers: IndexArray
     components: IndexArray
     kinds: IndexArray
     directions: Array
@@ -97,6 +102,15 @@ class Measurements:
     changes: Array
     flexure: Array
 
+    def between(self, first: int, last: int) -> Measurements:
+        """Return the updates from the first to before the last, in the same memory."""
+        return Measurements(*(getattr(self, each.name)[first:last] for each in fields(self)))
+
+    @classmethod
+    def join(cls, blocks: Sequence[Measurements]) -> Measurements:
+        """Return the updates of blocks that follow one another."""
+        return cls(*(np.concatenate([getattr(block, each.name) for block in blocks]) for each in fields(cls)))
+
     @property
     def swinging(self) -> NDArray[np.bool_]:
         """Updates that need the rate of the body, as an antenna's velocity on a lever arm does, shape (U,)."""
@@ -111,34 +125,136 @@ def swings(sensor: Sensor) -> bool:
 
 def measure(truth: Truth, platform: Platform, start: float, sensors: Sequence[Sensor]) -> Measurements:
     """Tabulate the measurements of sensors: in order of time, and of the sensors at one instant."""
-    names = {name: number for number, name in enumerate(aiding_constants(tuple(sensors)))}
-    located = [
-        (sensor, Surroundings.at(truth, platform, start, sensor.times, sensor.lever_arm, sensor.arrangement))
-        if len(sensor.times)
-        else None
-        for sensor in sensors
-    ]
-    along = [() if each is None else _geometries(*each) for each in located]
-    tables = _no_measurements(sensors, along, len(names))
-    offset = 0
-    for number, sensor in enumerate(sensors):
-        of_sensor = located[number]
-        if of_sensor is not None:
-            rows = np.flatnonzero(tables.sensors == number)
-            tables.places[rows] = of_sensor[1].position
-            count = len(sensor.components)
-            tables.faults[rows, :count] = fault_errors(sensor.faults, sensor.times, count)
-            if swings(sensor):
-                _fill_rates(tables, rows, of_sensor[1])
-            for column, geometry in enumerate(along[number]):
-                tables.components[rows, column] = offset + column
-                if sensor.has_delay:
-                    tables.changes[rows, column] = _change(sensor, column, of_sensor[1], geometry)
-                    tables.constants[rows, column, names[sensor.delay_name]] = tables.changes[rows, column]
-                _fill_component(tables, (rows, column), sensor, geometry, names)
-        offset += len(sensor.components)
-    order = np.lexsort((tables.sensors, tables.times))
-    return Measurements(*(getattr(tables, each.name)[order] for each in fields(tables)))
+    return Schedule.of(truth, platform, start, sensors).whole
+
+
+LEAST: Final = 8_192
+"""Updates up to which all tables are kept."""
+
+BLOCK: Final = 1_024
+"""Updates of a block where there are more."""
+
+LATEST: Final = 2
+"""Blocks that are kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """Updates of sensors in order of time, and of the sensors at one instant; their tables are computed in blocks.
+
+    Attributes
+    ----------
+    times : ndarray, shape (U,)
+    order : ndarray of int, shape (U,)
+        Number of the sensor.
+    sizes : ndarray of int, shape (U,)
+        Components of each.
+    """
+
+    truth: Truth
+    platform: Platform
+    start: float
+    sensors: tuple[Sensor, ...]
+    times: Array
+    order: IndexArray
+    sizes: IndexArray
+    _latest: list[tuple[int, Measurements]] = field(default_factory=list, repr=False)
+
+    @classmethod
+    def of(cls, truth: Truth, platform: Platform, start: float, sensors: Sequence[Sensor]) -> Schedule:
+        """Order the measurements of sensors."""
+        times = np.concatenate([np.zeros(0), *(sensor.times for sensor in sensors)])
+        numbers = np.repeat(np.arange(len(sensors)), [len(sensor.times) for sensor in sensors])
+        order = np.lexsort((numbers, times))
+        sizes = np.array([len(sensor.components) for sensor in sensors], dtype=np.int64)
+        return cls(truth, platform, start, tuple(sensors), times[order], numbers[order], sizes[numbers[order]])
+
+    @cached_property
+    def whole(self) -> Measurements:
+        """Tables of all updates."""
+        return self._measure(0, len(self.times))
+
+    @property
+    def most(self) -> int:
+        """Most components of an update."""
+        return max((len(sensor.components) for sensor in self.sensors), default=0)
+
+    def between(self, first: int, last: int) -> Measurements:
+        """Return the tables of the updates from the first to before the last."""
+        count = len(self.times)
+        if count <= LEAST:
+            return self.whole.between(first, last)
+        blocks = [
+            self._block(number).between(max(first - number * BLOCK, 0), min(last - number * BLOCK, BLOCK))
+            for number in range(min(first, count - 1) // BLOCK, max(last - 1, first) // BLOCK + 1)
+        ]
+        return blocks[0] if len(blocks) == 1 else Measurements.join(blocks)
+
+    def _block(self, number: int) -> Measurements:
+        latest = list(self._latest)
+        for known, measured in latest:
+            if known == number:
+                return measured
+        measured = self._measure(number * BLOCK, min((number + 1) * BLOCK, len(self.times)))
+        self._latest[:] = [*latest, (number, measured)][-LATEST:]
+        return measured
+
+    @cached_property
+    def _faults(self) -> dict[int, Array]:
+        """What faults add to the measurements of sensors that have any, by number: a spike is in the first after it."""
+        return {
+            number: fault_errors(sensor.faults, sensor.times, len(sensor.components))
+            for number, sensor in enumerate(self.sensors)
+            if sensor.faults
+        }
+
+    @cached_property
+    def _numbers(self) -> IndexArray:
+        """Number of each update among those of its sensor, shape (U,)."""
+        numbers = np.empty(len(self.order), dtype=np.int64)
+        for number, sensor in enumerate(self.sensors):
+            numbers[self.order == number] = np.arange(len(sensor.times))
+        return numbers
+
+    @cached_property
+    def _parameters(self) -> int:
+        """What the longest geometry needs besides its direction."""
+        along = [(each, self._around(each, each.times[:1])) for each in self.sensors if len(each.times)]
+        known = [geometry.parameters for of_sensor in along for geometry in _geometries(*of_sensor)]
+        return max((table.shape[1] for table in known if table is not None), default=0)
+
+    def _around(self, sensor: Sensor, times: Array) -> Surroundings:
+        return Surroundings.at(self.truth, self.platform, self.start, times, sensor.lever_arm, sensor.arrangement)
+
+    def _measure(self, first: int, last: int) -> Measurements:
+        sensors, order = self.sensors, self.order[first:last]
+        names = {name: number for number, name in enumerate(aiding_constants(sensors))}
+        tables = _no_measurements(sensors, last - first, len(names), self._parameters)
+        tables.times[:], tables.sensors[:], tables.sizes[:] = self.times[first:last], order, self.sizes[first:last]
+        tables.numbers[:] = self._numbers[first:last]
+        offset = 0
+        for number, sensor in enumerate(sensors):
+            rows = np.flatnonzero(order == number)
+            if len(rows):
+                self._fill(tables, rows, number, offset, names)
+            offset += len(sensor.components)
+        return tables
+
+    def _fill(self, tables: Measurements, rows: IndexArray, number: int, offset: int, names: Mapping[str, int]) -> None:
+        """Fill in a sensor's updates: their rows, and the number of its first component."""
+        sensor = self.sensors[number]
+        around, count = self._around(sensor, tables.times[rows]), len(sensor.components)
+        tables.places[rows] = around.position
+        if number in self._faults:
+            tables.faults[rows, :count] = self._faults[number][tables.numbers[rows]]
+        if swings(sensor):
+            _fill_rates(tables, rows, around)
+        for column, geometry in enumerate(_geometries(sensor, around)):
+            tables.components[rows, column] = offset + column
+            if sensor.has_delay:
+                tables.changes[rows, column] = _change(sensor, column, around, geometry)
+                tables.constants[rows, column, names[sensor.delay_name]] = tables.changes[rows, column]
+            _fill_component(tables, (rows, column), sensor, geometry, names)
 
 
 def flexure_rows(measured: Measurements, number: int, flexure: Flexure, axis: int, start: float) -> Array:
@@ -168,7 +284,7 @@ def white_sigmas(sensors: Sequence[Sensor], measured: Measurements) -> Array:
         rows = np.flatnonzero(measured.sensors == number)
         for column, component in enumerate(sensor.components):
             if component.noise_at is not None:
-                sigmas[rows, column] = component.noise_at
+                sigmas[rows, column] = np.asarray(component.noise_at)[measured.numbers[rows]]
     return sigmas
 
 
@@ -183,17 +299,14 @@ def _change(sensor: Sensor, column: int, around: Surroundings, geometry: Geometr
     return change_along_truth(around, geometry, QUANTITIES[quantity], reference_of(sensor.kind, quantity))
 
 
-def _no_measurements(sensors: Sequence[Sensor], along: Sequence[Sequence[Geometry]], constants: int) -> Measurements:
-    """Return tables of zeros for all updates, sensor by sensor."""
-    times = np.concatenate([np.zeros(0), *(sensor.times for sensor in sensors)])
-    numbers = np.repeat(np.arange(len(sensors)), [len(sensor.times) for sensor in sensors])
-    sizes = np.array([len(sensor.components) for sensor in sensors], dtype=np.int64)[numbers]
-    total, most = len(times), max((len(sensor.components) for sensor in sensors), default=0)
-    used = [each.parameters.shape[1] for geometries in along for each in geometries if each.parameters is not None]
+def _no_measurements(sensors: Sequence[Sensor], total: int, constants: int, parameters: int) -> Measurements:
+    """Return tables of zeros for a number of updates."""
+    most, whole = max((len(sensor.components) for sensor in sensors), default=0), np.int64
     gyros = len(GYRO) if any(swings(sensor) for sensor in sensors) else 0
     return Measurements(
-        times, numbers, sizes, np.zeros((total, most), dtype=np.int64), np.zeros((total, most), dtype=np.int64),
-        np.zeros((total, most, 3)), np.zeros((total, most, max(used, default=0))), np.zeros((total, most, constants)),
+        np.zeros(total), np.zeros(total, whole), np.zeros(total, whole), np.zeros(total, whole),
+        np.zeros((total, most), whole), np.zeros((total, most), whole),
+        np.zeros((total, most, 3)), np.zeros((total, most, parameters)), np.zeros((total, most, constants)),
         np.zeros((total, 3)), np.zeros((total, most, 9)), np.zeros((total, 3)),
         np.zeros((total, most), dtype=np.bool_), np.zeros((total, 3, gyros)), np.zeros((total, most, gyros)),
         np.zeros((total, most)), np.zeros((total, most)),
