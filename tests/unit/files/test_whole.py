@@ -45,6 +45,7 @@ def test_numbers_that_are_not_finite_are_refused_on_request(value: object) -> No
         indented_json(value, allow_nan=False)
 
 
+@pytest.mark.posix
 def test_a_file_is_on_the_disk_with_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """First the content, then the folder that names it; a folder that cannot be synced is no failure, a disk is one."""
     synced: list[bool] = []
