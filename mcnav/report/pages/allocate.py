@@ -144,8 +144,13 @@ def goal_title(allocation: Allocation, goal: Goal) -> str:
 
 
 def standing(allocation: Allocation) -> tuple[str, str]:
-    """State whether the requirements are met, and how many numbers can meet them alone; return words and tone."""
+    """State whether the requirements are met, and how many numbers can meet them alone; return words and tone.
+
+    What is met is not green where linear analysis was not examined.
+    """
     words, tone = headline(allocation.answer) if allocation.basis is None else _simulated_headline(allocation.basis)
+    if allocation.basis is None and tone == "agrees" and not allocation.linearity:
+        tone = ""
     goal = allocation.goals[-1]
     alone = [change for change in goal.changes if len(change.paths) == 1]
     reaching = sum(change.reached for change in alone)
