@@ -146,9 +146,8 @@ class AidedSystem:
 
     def _rows(self, width: tuple[int, ...], compute: Callable[[Measurements], Array]) -> Rows:
         """Return a table of the updates by component, shape (U, M, ...), from what computes it of measurements."""
-        schedule = self.schedule
-        shape = (len(schedule.times), schedule.most, *width)
-        return Rows(shape, lambda first, last: compute(schedule.between(first, last)))
+        shape = (len(self.schedule.times), self.schedule.most, *width)
+        return Rows(shape, partial(_computed, self.schedule, compute))
 
     def _white_variances(self, sensors: tuple[Sensor, ...]) -> dict[str, Rows]:
         numbers = white_processes(sensors, self.schedule)
@@ -272,3 +271,8 @@ def _sizes(imu: Imu, sensors: tuple[Sensor, ...], names: Collection[str]) -> dic
     """Return the variances of processes by name, zero of those that are absent."""
     sizes = process_variances(imu) | {name: size**2 for name, size in aiding_processes(sensors).items()}
     return {name: sizes.get(name, 0.0) for name in names}
+
+
+def _computed(schedule: Schedule, compute: Callable[[Measurements], Array], first: int, last: int) -> Array:
+    """Compute a table of some updates; a function that travels to workers."""
+    return compute(schedule.between(first, last))
