@@ -90,6 +90,15 @@ def change_by_boresight(offset: Array, x: float, y: float, z: float) -> tuple[Ve
 
 
 @inlined
+def seen_from(errors: NavigatorErrors, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
+    """Compute ``s - x + m``: from a navigator's own place to where its map has the landmark that is at s."""
+    return (
+        x - errors.x + load(errors.offset, 0), y - errors.y + load(errors.offset, 1),
+        z - errors.z + load(errors.offset, 2),
+    )  # fmt: skip
+
+
+@inlined
 def change_by_turn(turned: Array, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
     """Compute by how much rotations change a vector, with R - I."""
     return (

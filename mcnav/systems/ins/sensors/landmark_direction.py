@@ -16,14 +16,20 @@ from typing import Any, Final
 import numpy as np
 
 from mcnav.arrays.types import Array
-from mcnav.compiled.jit import allocation_free_part, inlined
-from mcnav.compiled.vectors import Vector, load
+from mcnav.compiled.jit import allocation_free_part
+from mcnav.compiled.vectors import Vector
 from mcnav.entries.context import FileContext
 from mcnav.systems.ins.earth import local_axes
 from mcnav.systems.ins.imu.instruments import AXES
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, cross_matrix
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
-from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, change_by_turn, store_three
+from mcnav.systems.ins.sensors.innovation import (
+    MeasurementTables,
+    NavigatorErrors,
+    change_by_turn,
+    seen_from,
+    store_three,
+)
 from mcnav.systems.ins.sensors.quantity import FurtherKey, Geometry, QuantityDefinition, SensorType
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 from mcnav.systems.ins.truth.trajectory import Truth
@@ -49,15 +55,6 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
         offsets={"map": -np.einsum("ni,nij->nj", of_place, landmark_axes(along))},
         offset_axes=landmark_axes(along),
     )
-
-
-@inlined
-def seen_from(errors: NavigatorErrors, x: float, y: float, z: float) -> tuple[Vector, Vector, Vector]:
-    """Compute ``s - x + m``: from the navigator's own place to where the map has the landmark."""
-    return (
-        x - errors.x + load(errors.offset, 0), y - errors.y + load(errors.offset, 1),
-        z - errors.z + load(errors.offset, 2),
-    )  # fmt: skip
 
 
 @allocation_free_part

@@ -14,8 +14,8 @@ from mcnav.compiled.jit import allocation_free_part
 from mcnav.compiled.vectors import Vector
 from mcnav.systems.ins.reference.axes import POSITION
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
-from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, store_three
-from mcnav.systems.ins.sensors.landmark_direction import landmark_axes, seen_from
+from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, seen_from, store_three
+from mcnav.systems.ins.sensors.landmark_direction import landmark_axes
 from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition
 from mcnav.systems.ins.sensors.surroundings import Surroundings
 
