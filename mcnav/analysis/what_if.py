@@ -163,13 +163,12 @@ def scaled_covariance(system: SizedSystem, times: Array, label: str, entries: En
         int(number): np.flatnonzero(system.source_numbers == number) for number in np.unique(system.source_numbers)
     }
     known: dict[tuple[int, int], Array] = {}
-    for first, ours in members.items():
-        for second, theirs in members.items():
-            block = system.covariance[np.ix_(ours, theirs)]
-            if first <= second and block.any():
-                part = system.partials[:, :, ours] @ block @ system.partials[:, :, theirs].swapaxes(1, 2)
-                whole = part if first == second else part + part.swapaxes(1, 2)
-                known[first, second] = picked_entries(whole, entries)
+    for first, second in _sharing(system.covariance, system.source_numbers):
+        ours, theirs = members[first], members[second]
+        block = system.covariance[np.ix_(ours, theirs)]
+        part = system.partials[:, :, ours] @ block @ system.partials[:, :, theirs].swapaxes(1, 2)
+        whole = part if first == second else part + part.swapaxes(1, 2)
+        known[first, second] = picked_entries(whole, entries)
     for name, added in system.processes.items():
         number = system.process_numbers[name]
         known[number, number] = known[number, number] + added if (number, number) in known else added
@@ -180,6 +179,13 @@ def scaled_covariance(system: SizedSystem, times: Array, label: str, entries: En
     }
     terms = tuple(Term(*pair, values) for pair, values in sorted(known.items()) if values.any())
     return ScaledCovariance(times, label, entries, system.nominal, terms, means, own)
+
+
+def _sharing(covariance: Array, cells: IndexArray) -> list[tuple[int, int]]:
+    """Return the pairs of cells, the first not above the second, whose sources have a covariance; few of all pairs."""
+    rows, columns = np.nonzero(covariance)
+    pairs = set(zip(cells[rows].tolist(), cells[columns].tolist(), strict=True))
+    return sorted(pair for pair in pairs if pair[0] <= pair[1])
 
 
 @dataclass(frozen=True)
@@ -224,15 +230,16 @@ def grouped_terms(system: SizedSystem, groups: Sequence[Sequence[int]]) -> list[
     def add(key: tuple[int, int, int], values: Array) -> None:
         known[key] = known[key] + values if key in known else values
 
-    listed = list(cells.items())
-    for place, ((group, number), ours) in enumerate(listed):
-        for (other, second), theirs in listed[place:]:
+    listed, cell_of = list(cells.items()), np.full(count, FIXED)
+    for place, members in enumerate(cells.values()):
+        cell_of[members] = place
+    for first, last in _sharing(system.covariance, cell_of):
+        if first >= 0:
+            ((group, number), ours), ((other, second), theirs) = listed[first], listed[last]
             block = system.covariance[np.ix_(ours, theirs)]
-            if block.any():
-                same = (group, number) == (other, second)
-                part = np.einsum("tij,jk,tik->t", system.partials[:, :, ours], block, system.partials[:, :, theirs])
-                key = group if group == other else FIXED, min(number, second), max(number, second)
-                add(key, part if same else 2.0 * part)
+            part = np.einsum("tij,jk,tik->t", system.partials[:, :, ours], block, system.partials[:, :, theirs])
+            key = group if group == other else FIXED, min(number, second), max(number, second)
+            add(key, part if first == last else 2.0 * part)
     for place, (name, added) in enumerate(system.processes.items(), count):
         if place in group_of:
             number = system.process_numbers[name]

@@ -206,11 +206,22 @@ def _error(kind: SensorType, key: str) -> str:
     return kind.key(key, "noise") if key in kind.quantities else key.removesuffix("_error")
 
 
-def owner_of(cause: str, numbers: Sequence[DataSheetNumber]) -> DataSheetNumber | None:
-    """Return the number that sizes a cause: of two, the one of ``[errors]``, which names some axes of another table."""
-    covering = [number for number in numbers if number.covers(cause)]
-    stated = [number for number in covering if number.path.startswith("errors.")]
-    return next(iter(stated or covering), None)
+def owners_of(causes: Sequence[str], numbers: Sequence[DataSheetNumber]) -> list[DataSheetNumber | None]:
+    """Return the number that sizes each cause: of two, the one of ``[errors]``, which names some axes of another table.
+
+    Numbers are looked up by kind of error: time is linear in the causes, where each has a number of its own.
+    """
+    places = dict[str, list[int]]()
+    for place, number in enumerate(numbers):
+        for kind in number.causes:
+            places.setdefault(kind, []).append(place)
+    owners = list[DataSheetNumber | None]()
+    for cause in causes:
+        alike = {*places.get(cause, ()), *places.get(cause.rpartition("_")[0], ())}
+        covering = [numbers[place] for place in sorted(alike) if numbers[place].covers(cause)]
+        stated = [number for number in covering if number.path.startswith("errors.")]
+        owners.append(next(iter(stated or covering), None))
+    return owners
 
 
 def believed_numbers(content: Mapping[str, Any]) -> list[DataSheetNumber]:

@@ -26,7 +26,7 @@ from mcnav.config.data_sheet import (
     grades,
     is_by_axis,
     largest_size,
-    owner_of,
+    owners_of,
 )
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.config.ranges import SpecRange
@@ -61,9 +61,11 @@ def changeable_campaign(
     """
     sized = (np.diag(covariance) > 0.0) | (mean != 0.0)
     known = [number for number in data_sheet_numbers(content, tuple(sources)) if _proportional(number.entry)]
-    owners = [owner_of(source.name, known) if moves else None for source, moves in zip(sources, sized, strict=True)]
-    of_processes = {name: owner_of(name, known) for name in processes}
-    used = [number for number in known if any(number is owner for owner in (*owners, *of_processes.values()))]
+    owners = owners_of([source.name for source in sources], known)
+    owners = [owner if moves else None for owner, moves in zip(owners, sized, strict=True)]
+    of_processes = dict(zip(processes, owners_of(processes, known), strict=True))
+    owning = {id(owner) for owner in (*owners, *of_processes.values())}
+    used = [number for number in known if id(number) in owning]
     places = {id(number): place for place, number in enumerate(used)}
     sigmas = _believed_sigmas(content, sources, mean, covariance)
     groups = {source.name: source.group for source in sources}

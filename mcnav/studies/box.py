@@ -24,7 +24,7 @@ from mcnav.analysis.linear_covariance import LinearCovariance
 from mcnav.analysis.linear_filter import LinearVerdict
 from mcnav.analysis.resized_answers import judged, requirement_value, resize
 from mcnav.arrays.types import Array
-from mcnav.config.data_sheet import DataSheetNumber, owner_of
+from mcnav.config.data_sheet import DataSheetNumber, owners_of
 from mcnav.config.overrides import ALL_AXES, SIZES
 from mcnav.config.ranges import SpecRange
 from mcnav.config.read import Campaign
@@ -186,13 +186,17 @@ def _sized(
     if any(name not in SIZED and name not in axes for name in rest):
         return None
 
-    def is_sized(cause: str) -> bool:
-        of_axis = not axes or cause.rpartition("_")[2] == axes[-1]
-        return of_axis and owner_of(cause, boxed.sheet) is number
+    def places_of(causes: Sequence[str]) -> list[int]:
+        owners = owners_of(causes, boxed.sheet)
+        return [
+            place
+            for place, (cause, owner) in enumerate(zip(causes, owners, strict=True))
+            if owner is number and (not axes or cause.rpartition("_")[2] == axes[-1])
+        ]
 
-    model = answer.model
-    sources = [place for place, source in enumerate(answer.sources) if is_sized(source.name)]
-    processes = [name for name in model.processes if is_sized(name)]
+    model, names = answer.model, list(answer.model.processes)
+    sources = places_of([source.name for source in answer.sources])
+    processes = [names[place] for place in places_of(names)]
     if component is not None:  # of a list by axis
         if any(causes and len(causes) <= component for causes in (sources, processes)):
             return None

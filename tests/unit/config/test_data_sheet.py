@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers, next_grade, round_down, shown
+from mcnav.config.data_sheet import DataSheetNumber, data_sheet_numbers, next_grade, owners_of, round_down, shown
 from mcnav.systems.ins.scenario import SOURCES
 
 IMU: dict[str, Any] = {
@@ -94,3 +94,25 @@ def test_next_grades() -> None:
     assert (misaligned.grade, shown(misaligned.entry)) == ("navigation", "0.1 mrad")
     assert next_grade(found["imu.gyro.g_sensitivity"], True) is None  # no finer grade states one
     assert next_grade(found["errors.position"], True) is None
+
+
+def test_a_number_of_errors_owns_the_axis_that_it_names() -> None:
+    found = numbers()
+    causes = ["position_down", "position_north", "gyro_bias_x", "gyro_bias_instability_x", "gravity_anomaly"]
+    expected = ["errors.position_down", "errors.position", "imu.gyro.bias", "imu.gyro.bias_instability", None]
+    assert owners_of(causes, list(found.values())) == [path and found[path] for path in expected]
+
+
+def test_owners_of_many_causes_take_time_linear_in_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each cause is asked of the numbers of its kind alone: one, of 100."""
+    asked, covers = list[str](), DataSheetNumber.covers
+
+    def counted(number: DataSheetNumber, cause: str) -> bool:
+        asked.append(cause)
+        return covers(number, cause)
+
+    monkeypatch.setattr(DataSheetNumber, "covers", counted)
+    causes = [f"s{place}" for place in range(100)]
+    sheet = [DataSheetNumber(f"errors.{cause}", "1 m", frozenset({cause}), {}) for cause in causes]
+    assert owners_of(causes, sheet) == sheet
+    assert asked == causes
