@@ -86,14 +86,15 @@ def test_engines_of_inertial_navigation_that_hold_python_s_lock_have_processes(n
     assert (engine.parallel == "processes") == KINDS[name].in_processes == name.endswith("reference")
 
 
-def test_resume_of_every_kind() -> None:
+def test_resume_of_every_kind_of_worker() -> None:
     """Killed after the first chunk, then amid the writing of the second: all files are those of a run at one go.
 
-    With samples by every engine of inertial navigation and of closed loops, and with a summary by the one whose summary
-    has most in it, a filter's; `tests.faults.kills` says what else is looked at, and names what goes wrong.
+    Threads without a filter, with a summary of a filter, which has most in it, processes, and processes that load a
+    user's class. The other engines have workers like these, and the bits of their samples have tests of their own.
+    `tests.faults.kills` says what else is looked at, and names what goes wrong.
     """
-    sampled = [kind for kind in KINDS if kind.startswith(("free", "aided", "guided", "loop"))]
-    cases = [*(f"{kind}, samples" for kind in sampled), "aided, own gains, summary"]
+    cases = ["free, ensemble, samples", "aided, own gains, summary", "aided, reference, samples"]
+    cases += ["loop, own gains, samples"]
     tool = [sys.executable, "-m", "tests.faults.kills", "--mode", "fixed", "--backends", "joblib", "--cases", *cases]
     done = run_to_end(tool, env=environment())
     assert done.returncode == 0, done.stdout + done.stderr
