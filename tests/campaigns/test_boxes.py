@@ -16,6 +16,7 @@ import pytest
 import tomli_w
 
 from mcnav import lincov, tune
+from mcnav.analysis.box import Box
 from mcnav.analysis.filter_consistency import Honesty
 from mcnav.analysis.linear_answer import LinearAnswer
 from mcnav.analysis.remedies import DOUBTED
@@ -29,6 +30,7 @@ from mcnav.report.statements.box import box_words
 from mcnav.report.statements.sweep import remarks
 from mcnav.studies import box as box_study
 from mcnav.studies import boxed_run
+from mcnav.studies import tune as tune_study
 from mcnav.studies.allocate import allocate
 from mcnav.studies.box import answer_box
 from mcnav.studies.boxed_campaign import BoxedCampaign
@@ -307,13 +309,19 @@ EARLY: dict[str, Any] = {"aiding.gnss.outages": [["50..85 s", "90 s"]], "aiding.
 """Ranges that are worst at the lower end of one: an outage that begins early."""
 
 
-def test_studies_stand_at_the_worst_setting_and_say_so(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where the upper ends are not the worst: an outage from 50 s on is longer than one from 85 s on."""
+@pytest.fixture(scope="module")
+def early() -> tuple[Campaign, LinearAnswer, Box]:
+    """A campaign of these ranges, its answer, and its box, which is searched once."""
     campaign = campaign_with(EARLY)
     nominal = answer_linearly(campaign)
-    box = answer_box(campaign, nominal)
+    return campaign, nominal, answer_box(campaign, nominal)
+
+
+def test_studies_stand_at_the_worst_setting_and_say_so(
+    early: tuple[Campaign, LinearAnswer, Box], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the upper ends are not the worst: an outage from 50 s on is longer than one from 85 s on."""
+    campaign, nominal, box = early
     monkeypatch.setattr(boxed_run, "_box", lambda boxed: box)  # each of the studies would search it again
     document, (remark,) = at_worst(campaign)
     assert document.content["aiding"][0]["outages"] == [["50.0 s", "90 s"]]
@@ -331,8 +339,11 @@ def test_studies_stand_at_the_worst_setting_and_say_so(
     assert remark in capsys.readouterr().err
 
 
-def test_live_has_bands_and_the_worst_setting(tmp_path: Path) -> None:
+def test_live_has_bands_and_the_worst_setting(
+    early: tuple[Campaign, LinearAnswer, Box], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Sizes have bands from end to end about the value at which they stand."""
+    monkeypatch.setattr(boxed_run, "_box", lambda boxed: early[-1])
     (tmp_path / "box.toml").write_text(tomli_w.dumps(override(AIDED, EARLY)), encoding="utf-8")
     live = LiveCampaign(tmp_path / "box.toml", tmp_path, 1)
     page = live.page()
@@ -345,8 +356,13 @@ def test_live_has_bands_and_the_worst_setting(tmp_path: Path) -> None:
     assert float(changed["sigmas"][0]["shown"]) < float(first["sigmas"][0]["shown"])
 
 
-def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model() -> None:
-    """No setting of the box is optimistic, at any reading; an answer by the engine at a setting between agrees."""
+def test_tune_bounds_a_memory_that_is_a_range_for_less_than_the_bounding_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No setting of the box is optimistic, at any reading; an answer by the engine at a setting between agrees.
+
+    Inflations are found to 3 % only, and two correlation times are tried, which halves the filters that are answered.
+    """
+    monkeypatch.setattr(tune_study, "CLOSE", 1.03)
+    monkeypatch.setattr(tune_study, "SHARES", (1.0, 0.5))
     campaign = campaign_with({"imu.gyro.bias_instability.correlation_time": "10..1000 s"})
     tuning = tune(campaign, confirm=False, examine=True)
     assert tuning.chosen is not None

@@ -14,12 +14,12 @@ TRIALS, FALSE_ALARM = 4_000, 1e-3
 def _missed(each: float, precision: float, sizes: tuple[int, ...]) -> int:
     """Campaigns that stop at an interval of a mean which does not hold the true one, zero."""
     generator = np.random.default_rng(6)
+    critical = stats.norm.ppf(0.5 + 0.5 * each)
     missed = 0
     for _ in range(TRIALS):
         values = generator.standard_normal(sizes[-1])
         for size in sizes:
-            mean, error = values[:size].mean(), values[:size].std(ddof=1) / np.sqrt(size)
-            half = stats.norm.ppf(0.5 + 0.5 * each) * error
+            mean, half = values[:size].mean(), critical * values[:size].std(ddof=1) / np.sqrt(size)
             # stopping by the outcome, the worst that a rule may do: as soon as zero is outside, or at the end
             if abs(mean) > half or half < precision or size == sizes[-1]:
                 missed += abs(mean) > half
