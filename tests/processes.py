@@ -8,6 +8,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 Found = TypeVar("Found")
@@ -28,8 +29,11 @@ def running(command: Sequence[object], **options: Any) -> Iterator[subprocess.Po
         try:
             yield process
         finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
+            if os.name == "nt":
+                process.kill()
+            else:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
 
 
 def run_to_end(command: Sequence[object], **options: Any) -> subprocess.CompletedProcess[str]:
@@ -51,3 +55,18 @@ def wait_for(found: Callable[[], Found], process: subprocess.Popen[str] | None =
             raise AssertionError(f"ended with status {process.returncode} before: {errors[-2000:]}")
         assert time.monotonic() < until, f"no result in {LONG:g} s"
         time.sleep(0.005)
+
+
+def largest_memory(anew: bool = False) -> int:
+    """Return the largest memory of this process, bytes; with ``anew``, from now on, where the system can.
+
+    Whatever the process has done before is not the doing of the files. Without POSIX nobody counts it: 0.
+    """
+    try:
+        import resource
+    except ModuleNotFoundError:
+        return 0
+    if anew:
+        with suppress(OSError):
+            Path("/proc/self/clear_refs").write_text("5")
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

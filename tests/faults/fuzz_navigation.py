@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import random
 import re
-import resource
 import sys
 import tempfile
 import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -25,6 +23,7 @@ import pyarrow as pa
 from mcnav.config.read import read_campaign
 from mcnav.errors import CampaignError
 from tests.faults import grammar
+from tests.processes import largest_memory
 
 LONGEST: Final = 10.0
 """Seconds of processor time."""
@@ -38,17 +37,6 @@ errors = { position = "5 m" }
 
 WHOLE: Final = ("is not TOML", "is not UTF-8", "cannot be read", "bytes", "nested", "too ")
 """Words of messages about a campaign file as a whole."""
-
-
-def largest_memory(anew: bool = False) -> int:
-    """Return the largest memory of this process, bytes; with ``anew``, from now on, where the system can.
-
-    Whatever the process has done before is not the doing of the files.
-    """
-    if anew:
-        with suppress(OSError):
-            Path("/proc/self/clear_refs").write_text("5")
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def check_lines(refused: CampaignError, path: Path) -> None:

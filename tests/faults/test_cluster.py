@@ -320,8 +320,9 @@ def test_a_chunk_that_nobody_wants_any_more(cluster: Cluster, tmp_path: Path) ->
     assert not list((tmp_path / "run").rglob(".*.tmp"))
 
 
-@pytest.mark.parametrize(("sign", "status"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
-def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> None:
+@pytest.mark.posix
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGKILL", -9)])
+def test_nobody_is_left(name: str, status: int, tmp_path: Path) -> None:
     """Ctrl-C, which reaches all processes of a terminal; a kill of the parent alone. The worker has a child."""
     (tmp_path / "scratch").mkdir()
     code = VECTORISED.replace("def propagate", "chunk = 5\n\n    def propagate")
@@ -330,12 +331,12 @@ def test_nobody_is_left(sign: signal.Signals, status: int, tmp_path: Path) -> No
     there = environment() | {"TMPDIR": str(tmp_path / "scratch")}
     with running(command("run", path, *options), env=there) as process:
         wait_for(lambda: digests(tmp_path / "run"), process)
-        (os.killpg if sign == signal.SIGINT else os.kill)(process.pid, sign)
+        (os.killpg if name == "SIGINT" else os.kill)(process.pid, signal.Signals[name])
         _, said = process.communicate(timeout=LONG)
         assert process.returncode == status, said
         assert left_of(process.pid) == []
     assert 0 < len(digests(tmp_path / "run")) < 400
-    if sign == signal.SIGINT:
+    if name == "SIGINT":
         assert len(said.splitlines()) == 1, said
         assert said.startswith("error: interrupted; stored samples are kept")
     assert list((tmp_path / "scratch").iterdir()) == []
@@ -349,6 +350,7 @@ def _pipes() -> set[str]:
     return found
 
 
+@pytest.mark.posix
 def test_files_are_deleted_after_the_last_worker(cluster: Cluster) -> None:
     """Workers hold the pipe of the tracker that deletes their folder: one that outlives the run would make it again."""
     number = os.fstat(resource_tracker.getfd()).st_ino
@@ -369,6 +371,7 @@ with connect(None, 2):
 """
 
 
+@pytest.mark.posix
 def test_killed_as_soon_as_there_is_a_folder(tmp_path: Path) -> None:
     """The tracker that deletes a cluster's temporary files knows their folder before it exists."""
     (tmp_path / "scratch").mkdir()

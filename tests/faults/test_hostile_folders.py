@@ -31,6 +31,8 @@ from tests.faults.folders.make import CHANGES
 from tests.faults.folders.runs import Outside, finished_runs
 from tests.faults.fuzz_folders import COMMANDS, Audit, Watch, try_folder
 
+pytestmark = pytest.mark.posix  # Linux tells which files are opened
+
 READERS = [name for name in COMMANDS if name not in ("sweep", "lincov", "compare two")]
 """Commands that are given a run folder."""
 

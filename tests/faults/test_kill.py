@@ -45,31 +45,31 @@ def held(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[object], 
     return place, arguments, _run(arguments, place / "undisturbed", 1)
 
 
-@pytest.mark.parametrize(
-    ("sign", "status", "jobs"), [(signal.SIGKILL, -9, 2), (signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 1)]
-)
+@pytest.mark.posix
+@pytest.mark.parametrize(("name", "status", "jobs"), [("SIGKILL", -9, 2), ("SIGINT", 130, 2), ("SIGTERM", 143, 1)])
 def test_resume_after_a_signal(
-    sign: signal.Signals, status: int, jobs: int, held: tuple[Path, list[object], dict[str, str]]
+    name: str, status: int, jobs: int, held: tuple[Path, list[object], dict[str, str]]
 ) -> None:
     """A command with workers of its own, none of which is left; it is resumed by two, and undisturbed by one."""
     place, arguments, undisturbed = held
-    folder = place / sign.name
+    folder = place / name
     (place / GO).unlink(missing_ok=True)
     started = command(*arguments, "--no-report", "--jobs", jobs, "--out", folder)
     with running(started, env=environment()) as process:
         wait_for(lambda: digests(folder), process)
-        process.send_signal(sign)
+        process.send_signal(signal.Signals[name])
         _, said = process.communicate(timeout=LONG)  # the pipes stay open as long as any worker lives
     left = digests(folder)
     assert process.returncode == status
     assert 0 < len(left) < len(undisturbed)
     assert left.items() <= undisturbed.items()
-    if sign != signal.SIGKILL:
+    if name != "SIGKILL":
         assert said == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
     (place / GO).touch()
     assert _run(arguments, folder, 2) == undisturbed
 
 
+@pytest.mark.posix
 def test_killed_workers_of_an_aided_run(tmp_path: Path) -> None:
     """One of each of two pools: what is left is simulated chunk by chunk, and no sample is lost."""
     case, kills = Case("aided, own gains", "samples"), KillsWorkers(TRIED_WHOLE)
@@ -86,6 +86,7 @@ def test_engines_of_inertial_navigation_that_hold_python_s_lock_have_processes(n
     assert (engine.parallel == "processes") == KINDS[name].in_processes == name.endswith("reference")
 
 
+@pytest.mark.posix
 def test_resume_of_every_kind() -> None:
     """Killed after the first chunk, then amid the writing of the second: all files are those of a run at one go.
 

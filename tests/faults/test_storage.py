@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import resource
 import shutil
 import signal
 import time
@@ -35,10 +34,12 @@ from tests.runs import simulate
 POSITIONS = 2_000
 
 
-def limited(kind: int, most: int) -> None:
+def limited(kind: str, most: int) -> None:
     """In the process that is to be: what it may take."""
-    resource.setrlimit(kind, (most, most))
-    if kind == resource.RLIMIT_FSIZE:
+    import resource
+
+    resource.setrlimit(getattr(resource, kind), (most, most))
+    if kind == "RLIMIT_FSIZE":
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 
 
@@ -133,21 +134,20 @@ def test_a_run_of_an_earlier_version_has_partials_over_time_in_its_manifest(fini
     assert again.to_json() == known.to_json()
 
 
-@pytest.mark.parametrize(("kind", "most"), [(resource.RLIMIT_FSIZE, 30_000), (resource.RLIMIT_AS, 6_000_000_000)])
-def test_a_full_disk_and_little_memory(kind: int, most: int, tmp_path: Path) -> None:
+@pytest.mark.posix
+@pytest.mark.parametrize(("kind", "most"), [("RLIMIT_FSIZE", 30_000), ("RLIMIT_AS", 6_000_000_000)])
+def test_a_full_disk_and_little_memory(kind: str, most: int, tmp_path: Path) -> None:
     """One line that says which it was; afterwards the run goes on to the same bits."""
-    body, code = (
-        ("", SINGLE) if kind == resource.RLIMIT_FSIZE else ("np.ones(900_000_000) if len(a) > 90 else 0", VECTORISED)
-    )
+    body, code = ("", SINGLE) if kind == "RLIMIT_FSIZE" else ("np.ones(900_000_000) if len(a) > 90 else 0", VECTORISED)
     path = write_campaign(tmp_path, body, code, samples=100)
     arguments = ["run", path, "--samples", 2_000, "--jobs", 1, "--out"]
     one_thread = environment() | {"OMP_NUM_THREADS": "1"}
     stopped = run_to_end(command(*arguments, tmp_path / "run"), env=one_thread, preexec_fn=lambda: limited(kind, most))
     assert stopped.returncode == 2, stopped.stderr[-2000:]
     (line,) = stopped.stderr.splitlines()
-    assert "File too large" in line if kind == resource.RLIMIT_FSIZE else "memory" in line, line
+    assert "File too large" in line if kind == "RLIMIT_FSIZE" else "memory" in line, line
     assert not list((tmp_path / "run").rglob(".*.tmp"))
-    if kind == resource.RLIMIT_AS:
+    if kind == "RLIMIT_AS":
         return
     for place in ("run", "other"):
         done = invoke(*arguments, tmp_path / place, cwd=tmp_path)
@@ -159,16 +159,17 @@ HANGS = {"beside": "abs(a) > 0.5", "samples": "abs(a - FIRST) < 1e-12"}
 """Where a sample hangs: on the side, where derivatives are taken; or only when the first sample itself is flown."""
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize(
-    ("sign", "times", "place", "jobs"),
+    ("name", "times", "place", "jobs"),
     [
-        (signal.SIGINT, 1, "beside", 1),
-        (signal.SIGTERM, 1, "samples", 1),
-        (signal.SIGINT, 2, "samples", 2),
-        (signal.SIGKILL, 1, "beside", 1),
+        ("SIGINT", 1, "beside", 1),
+        ("SIGTERM", 1, "samples", 1),
+        ("SIGINT", 2, "samples", 2),
+        ("SIGKILL", 1, "beside", 1),
     ],
 )
-def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: str, jobs: int, tmp_path: Path) -> None:
+def test_signals_while_a_sample_hangs(name: str, times: int, place: str, jobs: int, tmp_path: Path) -> None:
     """The first signal breaks off in order, a second one at once; neither waits for the sample, and nobody is left."""
     calm = read_campaign(write_campaign(tmp_path / "calm", "", samples=100))
     first = float(calm.errors.draw("random", 1, 100, 0, 1)[0, 0])
@@ -178,12 +179,12 @@ def test_signals_while_a_sample_hangs(sign: signal.Signals, times: int, place: s
     with running(command("run", path, "--jobs", jobs, "--out", tmp_path / "run"), env=environment()) as process:
         wait_for(hanging.exists, process)
         for _ in range(times):
-            process.send_signal(sign)
+            process.send_signal(signal.Signals[name])
             time.sleep(0.02)
         _, said = process.communicate(timeout=LONG)
         assert left_of(process.pid) == []
-    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}[sign]
-    if times == 1 and sign != signal.SIGKILL:
+    assert process.returncode == {"SIGINT": 130, "SIGTERM": 143, "SIGKILL": -9}[name]
+    if times == 1 and name != "SIGKILL":
         assert said == "error: interrupted; stored samples are kept, and the same command resumes the run\n"
     assert "Traceback" not in said
 
@@ -222,6 +223,7 @@ def test_what_a_worker_leaves_is_gone_at_the_end(tmp_path: Path) -> None:
     assert not left.exists()
 
 
+@pytest.mark.posix
 def test_a_read_only_folder(finished: Path) -> None:
     """One line, and what is stored there is untouched."""
     with TemporaryDirectory() as place:
@@ -237,6 +239,7 @@ def test_a_read_only_folder(finished: Path) -> None:
         assert digests(run) == digests(finished)
 
 
+@pytest.mark.posix
 def test_a_folder_that_is_being_read_only_is_told(tmp_path: Path) -> None:
     """Where not even the owner of everything may write."""
     with pytest.raises(RunFolderError, match="cannot be written to"):
