@@ -57,16 +57,16 @@ def wait_for(found: Callable[[], Found], process: subprocess.Popen[str] | None =
         time.sleep(0.005)
 
 
-def largest_memory(anew: bool = False) -> int:
-    """Return the largest memory of this process, bytes; with ``anew``, from now on, where the system can.
+def largest_memory(reset: bool = False) -> int:
+    """Return the peak memory of this process, bytes; 0 on a system without POSIX, which does not tell it.
 
-    Whatever the process has done before is not the doing of the files. Without POSIX nobody counts it: 0.
+    With ``reset`` the peak starts again at the present memory first, where the system allows it (Linux).
     """
     try:
         import resource
     except ModuleNotFoundError:
         return 0
-    if anew:
+    if reset:
         with suppress(OSError):
             Path("/proc/self/clear_refs").write_text("5")
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -32,7 +32,7 @@ FEW_FLIGHTS: Final = 1_000
 
 @dataclass(frozen=True)
 class DoubtAboutGates:
-    """What a campaign's run says of rejections of good measurements.
+    """Remarks of a run on rejections of good measurements.
 
     Attributes
     ----------

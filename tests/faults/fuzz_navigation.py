@@ -98,7 +98,7 @@ def fuzz(
 ) -> tuple[Counter[tuple[str, str]], list[str]]:
     """Read so many files; the numbers of kinds and outcomes, and the findings."""
     chance, counted, findings, slowest = random.Random(seed), Counter[tuple[str, str]](), list[str](), (0.0, "none")
-    before = largest_memory(anew=True)
+    before = largest_memory(reset=True)
     for number in range(count):
         kind, content = made(chance)
         began = time.process_time()

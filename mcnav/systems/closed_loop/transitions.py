@@ -16,7 +16,7 @@ from mcnav.systems.closed_loop.schedule import Instant
 from mcnav.systems.closed_loop.structure import Structure
 
 Group: TypeAlias = tuple[Any, ...]
-"""What a map is: its kind, and its numbers."""
+"""Identity of a map: its kind, and its numbers."""
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ class AidedNavigation:
 
     @property
     def can_be_flown(self) -> bool:
-        """Whether there is room for the tables of samples."""
+        """True where there is room for the tables of samples."""
         return self.steps <= MOST_FLOWN
 
     @property

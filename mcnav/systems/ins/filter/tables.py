@@ -190,7 +190,7 @@ class FilterTables:
 
     @cached_property
     def exact(self) -> NDArray[np.bool_]:
-        """Whether a state models a constant error of the instruments exactly, shape (q,)."""
+        """Flags of the states that model a constant error of the instruments exactly, shape (q,)."""
         return np.asarray(np.all([over.exact for _, over in self.blocks()], axis=0), dtype=np.bool_)
 
     def between(

@@ -201,7 +201,7 @@ class Schedule:
 
     @cached_property
     def _faults(self) -> dict[int, Array]:
-        """What faults add to the measurements of sensors that have any, by number: a spike is in the first after it."""
+        """Errors by faults in the measurements of each faulty sensor, by its number; a spike is in the next one."""
         return {
             number: fault_errors(sensor.faults, sensor.times, len(sensor.components))
             for number, sensor in enumerate(self.sensors)
@@ -218,7 +218,7 @@ class Schedule:
 
     @cached_property
     def _parameters(self) -> int:
-        """What the longest geometry needs besides its direction."""
+        """Number of parameters of the geometry that has most of them."""
         along = [(each, self._around(each, each.times[:1])) for each in self.sensors if len(each.times)]
         known = [geometry.parameters for of_sensor in along for geometry in _geometries(*of_sensor)]
         return max((table.shape[1] for table in known if table is not None), default=0)
