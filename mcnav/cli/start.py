@@ -95,10 +95,15 @@ def run(
     Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
+    from mcnav.physics.units import UnitError, quantity
     from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
     from mcnav.workflow.run import engine_of, run_campaign
 
+    try:
+        quantity(timeout or "1 s", "s")
+    except UnitError as wrong:
+        raise failure(f"--timeout: {wrong}") from None
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
     given = {key: value for key, value in options.items() if value is not None}
     content = read_campaign(campaign, given)

@@ -29,7 +29,7 @@ class Dimension(NamedTuple):
 
 DIMENSIONS: Final = {
     "m": Dimension("a length", "5 km"),
-    "s": Dimension("a time", "-20 min"),
+    "s": Dimension("a time", "10 s"),
     "m/s": Dimension("a speed", "0.5 m/s"),
     "m/s^2": Dimension("an acceleration", "100 ug"),
     "rad": Dimension("an angle", "40 arcsec"),
