@@ -17,6 +17,8 @@ from mcnav.systems.ins.tables.filter import FilterTable
 from mcnav.systems.ins.tables.instrument_tables import AccelerometerTable, GyroTable
 
 PAGES: Final = Path(__file__).parent.parent / "mcnav" / "docs"
+
+
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [head, ["---"] * len(head), *rows]
     return [f"| {' | '.join(line)} |" for line in lines]
