@@ -128,7 +128,7 @@ def _said(wrong: TyperException) -> str:
             return f"{option}: {'needs a value' if 'requires' in str(wrong) else 'takes no value'}"
         return f"{option}: no such option{did_you_mean(wrong.possibilities or ())}"
     message, parameter = getattr(wrong, "message", "") or "is missing", getattr(wrong, "param", None)
-    if (errors := getattr(wrong.__cause__, "errors", None)) is not None:  # of a number
+    if message.startswith("Input should") and (errors := getattr(wrong.__cause__, "errors", None)) is not None:
         message = f"got {printable(str(errors()[0]['input']), LONGEST_CHOICE)!r}; {message}"
     for theirs, ours in PARSERS_WORDS.items():
         message = message.replace(theirs, ours)

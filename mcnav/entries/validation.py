@@ -99,11 +99,15 @@ def _bound(error: ErrorDetails) -> str:
     >>> _bound({"type": "less_than", "loc": (), "msg": "", "input": "97 deg", "ctx": {"lt": 1.5707963267948966}})
     'expected less than 90 deg'
     """
-    if error["type"] not in _BOUNDS or not isinstance(error["input"], str):
+    came = error["input"]
+    if error["type"] not in _BOUNDS or not isinstance(came, int | float | str):
         return ""
     key, words = _BOUNDS[error["type"]]
+    if not isinstance(came, str):
+        per_cent = key == "lt" and error["ctx"][key] == 1.0 and came < 100.0
+        return f'expected a number less than 1, such as "{came:g} %"' if per_cent else ""
     try:
-        unit = parted(error["input"])[1]
+        unit = parted(came)[1]
         bound = error["ctx"][key] * conversion(si_unit(unit), unit) if unit else error["ctx"][key]
     except UnitError:
         return ""

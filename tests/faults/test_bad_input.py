@@ -42,6 +42,10 @@ CAMPAIGNS = {
     "no such type": (REENTRY.replace('"reentry"', '"entry"'), "scenario.type: got 'entry'"),
     "no such trajectory": (REENTRY.replace("= 4", "= 40"), "scenario.trajectory: got 40"),
     "an unknown key": ("sample = 3\n" + REENTRY, "sample: unknown key; did you mean 'samples'? It is one of name"),
+    "per cent without its sign": (
+        "tolerance = 5\n" + REENTRY,
+        'tolerance: got 5; expected a number less than 1, such as "5 %"',
+    ),
     "no scenario": ("samples = 3\n", "scenario: is missing"),
     "no code": (OWN, "scenario.type: "),
 }
