@@ -104,7 +104,7 @@ class RunFolderError(Exception):
     ...     mc.open_run("nowhere")
     ... except mc.RunFolderError as refused:
     ...     print(refused)
-    nowhere: holds no run (there is no such folder)
+    nowhere: holds no run (there is no such folder); mcnav run CAMPAIGN makes one
     """
 
     def __init__(self, message: str) -> None:
@@ -161,10 +161,12 @@ def reading_file(path: Path) -> Iterator[None]:
 
 
 def near_names(name: str, known: Sequence[str]) -> list[str]:
-    """Return names that another may have been meant for: one that is very close, those that contain it, or a close one.
+    """Return names that another may stand for: the only one that begins with it, a close one, or some that contain it.
 
     >>> near_names("altitud_", ["altitude", "range"]), near_names("aided", ["tutorial-aided", "guide"])
     (['altitude'], ['tutorial-aided'])
+    >>> near_names("position_n", ["position_down", "position_north"])
+    ['position_north']
     """
     if not 0 < len(name) <= LONGEST_NAME:
         return []
@@ -175,7 +177,9 @@ def near_names(name: str, known: Sequence[str]) -> list[str]:
         return [folded[match] for match in difflib.get_close_matches(name.casefold(), list(folded), 1, cutoff)]
 
     few = containing if len(containing) <= MOST_NEAR else []
-    return closest(VERY_CLOSE) or few or closest(CLOSE) or containing[:MOST_NEAR]
+    beginning = [word for word in containing if word.casefold().startswith(name.casefold())]
+    only = beginning if len(beginning) == 1 else []
+    return only or closest(VERY_CLOSE) or few or closest(CLOSE) or containing[:MOST_NEAR]
 
 
 def did_you_mean(names: Sequence[str]) -> str:

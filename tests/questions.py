@@ -50,8 +50,8 @@ from tests.strapdown_loops import FIXES, FLIGHT
 PAGE: Final = Path(__file__).parent.parent / "mcnav" / "docs" / "GUIDE.md"
 HEADING: Final = "## What can be asked of which system\n"
 INTRODUCTION: Final = """\
-Each cell was tried on a small campaign. "Rare events" are requirements that counting cannot decide.
-`python -m tests.questions` writes the table.
+“Rare events” are requirements that allow too little beyond their limit for samples to be counted. Each cell was tried
+on a small campaign (`python -m tests.questions`).
 """
 UNTOLD: Final = "is left out without a word"
 CODE: Final = Path(__file__).with_name("questioned.py")

@@ -102,7 +102,7 @@ def linked(text: str, page: Copied, names: dict[str, str], attached: set[str]) -
 
     def named(found: re.Match[str]) -> str:
         text = " ".join(found[1].split())  # a line may end within it
-        if text.startswith("campaigns/"):
+        if text.startswith("campaigns/") and text.endswith(".toml"):
             anchor = Path(text).stem.replace("_", "-")
             return f"[`{text}`](/reference/examples.md#{anchor})" if (ROOT / text).exists() else found[0]
         name = text.removeprefix("mcnav docs ") if text.startswith("mcnav docs ") else names.get(text, "")

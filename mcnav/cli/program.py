@@ -71,7 +71,7 @@ class _Groups(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Parse the words of a command and execute it."""
-        with _own_style():
+        with _own_style(ctx):
             return super().invoke(ctx)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -101,7 +101,7 @@ class _Groups(TyperGroup):
 
 
 @contextmanager
-def _own_style() -> Iterator[None]:
+def _own_style(within: Any = None) -> Iterator[None]:
     """Turn what the parser refuses into a line like all others, with the command whose help says more."""
     try:
         yield
@@ -111,19 +111,25 @@ def _own_style() -> Iterator[None]:
         ):  # help without words, or an end
             raise
         context = getattr(wrong, "ctx", None)
-        said, command = _said(wrong), "mcnav" if context is None else context.command_path
+        said = _said(wrong)
+        command = "mcnav" if context is None else context.command_path
+        if context is None and within is not None:  # an option without its value says not of which command
+            command = f"{within.command_path} {within.invoked_subcommand or ''}".rstrip()
         raise failure(f"{said}{' ' if said.endswith('?') else '; '}{command} --help lists what it takes") from None
 
 
 def _said(wrong: TyperException) -> str:
     """Return what the parser refuses: the option or argument, what is wrong, and the nearest option there is."""
     from mcnav.errors import did_you_mean
+    from mcnav.physics.units import printable
 
     if (option := getattr(wrong, "option_name", None)) is not None:
         if not hasattr(wrong, "possibilities"):
             return f"{option}: {'needs a value' if 'requires' in str(wrong) else 'takes no value'}"
         return f"{option}: no such option{did_you_mean(wrong.possibilities or ())}"
     message, parameter = getattr(wrong, "message", "") or "is missing", getattr(wrong, "param", None)
+    if message.startswith("Input should") and (errors := getattr(wrong.__cause__, "errors", None)) is not None:
+        message = f"got {printable(str(errors()[0]['input']), LONGEST_CHOICE)!r}; {message}"
     for theirs, ours in PARSERS_WORDS.items():
         message = message.replace(theirs, ours)
     if parameter is None:

@@ -20,6 +20,7 @@ from mcnav.cli.options import (
     Scheduler,
     TemplateType,
     columns_of,
+    options_in_messages,
     run_folder,
 )
 from mcnav.cli.output_place import output_file, output_folder
@@ -95,10 +96,15 @@ def run(
     Example: mcnav run campaigns/11_cruise.toml --samples 1000
     """
     from mcnav.config.read import read_campaign
+    from mcnav.physics.units import UnitError, quantity
     from mcnav.report.terminal import progress
     from mcnav.runner.executors import open_executor
     from mcnav.workflow.run import engine_of, run_campaign
 
+    try:
+        quantity(timeout or "1 s", "s")
+    except UnitError as wrong:
+        raise failure(f"--timeout: {wrong}") from None
     options = {"samples": samples, "seed": seed, "sample_timeout": timeout, "store": store}
     given = {key: value for key, value in options.items() if value is not None}
     content = read_campaign(campaign, given)
@@ -286,7 +292,11 @@ def _describe_trajectory(file: Path, columns: dict[str, str], page: Path | None,
     if file.suffix == ".toml" and columns:
         raise failure("--column: belongs to a trajectory file; the campaign names its columns itself")
     target = None if page is None else output_file(page, f"{file.stem}_trajectory.html", [".html"])
-    result = describe_campaign(file) if file.suffix == ".toml" else describe_file(file, columns)
+    if file.suffix == ".toml":
+        result = describe_campaign(file)
+    else:
+        with options_in_messages():
+            result = describe_file(file, columns)
     if form != "table":
         rows = [vars(row) for row in described.fact_rows(result)]
         print_rows(form, rows, {"trajectory": rows})
@@ -359,7 +369,8 @@ def new_ins(
     from mcnav.config.templates.ins import NewIns, new_ins
 
     wanted = NewIns(unit, tuple(aid or ()), platform, trajectory, columns_of(column))
-    (written,) = new_ins(name, into, wanted)
+    with options_in_messages():
+        (written,) = new_ins(name, into, wanted)
     print_written((written, *write_schema(written.parent)))
     print_next(next_command.written("run", written))
 

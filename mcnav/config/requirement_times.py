@@ -23,6 +23,9 @@ from mcnav.systems.ins.tables.instants import DECIMALS, SAME, seconds, within
 
 KEYS: Final = ("after", "during", "at")
 
+OUTAGE: Final = 'give one outages = [["300 s", "420 s"]]'
+"""Remedy where a requirement holds during outages and no sensor has any."""
+
 
 @dataclass(frozen=True)
 class RequirementEpochs:
@@ -113,7 +116,7 @@ def _during(scenario: Scenario, entry: str | list[float], key: str, context: Fil
         if not spans and any(problem.key.startswith("aiding") for problem in context.problems):
             return None  # the sensor that may have one was not read
         if not spans:
-            context.problem(key, f"got {entry!r}; no sensor has one within the navigation")
+            context.problem(key, f"got {entry!r}; no sensor has an outage during navigation: {OUTAGE}")
             return None
     else:
         begin, end = entry

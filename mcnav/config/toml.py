@@ -13,6 +13,7 @@ import tomli_w
 from mcnav.entries.near_files import near_file
 from mcnav.errors import CampaignError, Problem
 from mcnav.files.whole import TextError, text_of
+from mcnav.physics.units import printable
 
 Content = dict[str, Any]
 """Content of a TOML file, or of a table in it."""
@@ -22,6 +23,9 @@ DOTTED: Final = re.compile(r"(?:[\w-]{1,100}[ \t]?\.[ \t]?){200}")
 
 LARGEST_FILE: Final = 1_000_000
 """Bytes."""
+
+LONGEST_LINE: Final = 60
+"""Characters of a line that messages show."""
 
 NOT_READABLE: Final = "is not TOML that can be read: it is nested too deeply, or holds a number of too many digits"
 
@@ -48,10 +52,18 @@ def load_file(path: Path) -> Content:
     except TextError as wrong:
         message = str(wrong)
     except tomllib.TOMLDecodeError as failure:
-        message = f"is not TOML: {failure}"
+        message = f"is not TOML: {_mistake(failure, text)}"
     except (RecursionError, ValueError):
         message = NOT_READABLE
     raise CampaignError([Problem(str(path), "", message)])
+
+
+def _mistake(failure: tomllib.TOMLDecodeError, text: str) -> str:
+    """Return what a reader of TOML refuses, with the line where it is."""
+    said, lines = str(failure).replace("Cannot overwrite a value", "a key is given twice"), text.splitlines()
+    found = re.search(r"at line (\d+)", said)
+    line = lines[int(found[1]) - 1].strip() if found and int(found[1]) <= len(lines) else ""
+    return f"{said}: {printable(line, LONGEST_LINE)}" if line else said
 
 
 def load_mapping(described: Mapping[str, Any], file: str) -> Content:

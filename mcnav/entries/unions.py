@@ -25,7 +25,8 @@ from pydantic_core.core_schema import (
 from mcnav.entries.mistakes import Mistake, refuse, told
 from mcnav.entries.quantities import UNIT, JsonSchema, Table, json_schema_of
 from mcnav.entries.values import display
-from mcnav.errors import suggestion
+from mcnav.errors import LONGEST_VALUE, suggestion
+from mcnav.physics.units import printable
 
 BY_KEY: Final = "x-by-key"
 """Key of a JSON schema that stands for tables told apart by their first keys; see `mcnav.entries.quantities.UNIT`."""
@@ -86,9 +87,10 @@ class ByKey:
             return given[0]
         if given:
             raise told(f"got {' and '.join(given)}; {self.expected} {', '.join(keys)}")
-        hint = suggestion(next(iter(entry)), keys) if entry else ""
-        near = hint if "did you mean" in hint else f"; {self.expected} {', '.join(keys)}"
-        raise told(f"has no kind{near}")
+        hints = [hint for key in entry if "did you mean" in (hint := suggestion(key, keys))]
+        near = hints[0] if hints else f"; {self.expected} {', '.join(keys)}"
+        came = f": got {printable(', '.join(entry), LONGEST_VALUE)}" if entry else ""
+        raise told(f"has no kind{came}{near}")
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchema:
         return {**handler(schema), BY_KEY: True, **({TEXT: self.text} if self.text else {})}

@@ -13,10 +13,17 @@ from mcnav.entries.context import FileContext
 from mcnav.entries.mistakes import TOLD
 from mcnav.entries.quantities import Table
 from mcnav.errors import MOST_PROBLEMS
-from mcnav.physics.units import printable
+from mcnav.physics.units import UnitError, conversion, parted, printable, si_unit
 
 AnyTable = TypeVar("AnyTable", bound=Table)
 AnyEntry = TypeVar("AnyEntry")
+
+_BOUNDS: Final = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
 
 _MESSAGES: Final = {
     "int_type": "expected a whole number",
@@ -79,7 +86,29 @@ def _message(error: ErrorDetails) -> str:
     message = _MESSAGES.get(kind, str(error["msg"]).removeprefix("Value error, "))
     if kind == "value_error":
         return message
+    message = _bound(error) or message
     shown = "a table" if isinstance(came, dict) else "a list" if isinstance(came, list) else printable(repr(came))
     message = re.sub(r"^[Ii]nput should be (?=greater|less)", "expected a number ", message)
     message = re.sub(r"^[Ii]nput should be ", "expected ", message)
     return f"got {shown}; {message[0].lower()}{message[1:]}"
+
+
+def _bound(error: ErrorDetails) -> str:
+    """Say the bound of a quantity in the unit in which it came; empty where it has none.
+
+    >>> _bound({"type": "less_than", "loc": (), "msg": "", "input": "97 deg", "ctx": {"lt": 1.5707963267948966}})
+    'expected less than 90 deg'
+    """
+    came = error["input"]
+    if error["type"] not in _BOUNDS or not isinstance(came, int | float | str):
+        return ""
+    key, words = _BOUNDS[error["type"]]
+    if not isinstance(came, str):
+        per_cent = key == "lt" and error["ctx"][key] == 1.0 and came < 100.0
+        return f'expected a number less than 1, such as "{came:g} %"' if per_cent else ""
+    try:
+        unit = parted(came)[1]
+        bound = error["ctx"][key] * conversion(si_unit(unit), unit) if unit else error["ctx"][key]
+    except UnitError:
+        return ""
+    return f"expected {words} {bound:.6g} {unit}".rstrip()

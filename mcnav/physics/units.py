@@ -29,7 +29,7 @@ class Dimension(NamedTuple):
 
 DIMENSIONS: Final = {
     "m": Dimension("a length", "5 km"),
-    "s": Dimension("a time", "-20 min"),
+    "s": Dimension("a time", "10 s"),
     "m/s": Dimension("a speed", "0.5 m/s"),
     "m/s^2": Dimension("an acceleration", "100 ug"),
     "rad": Dimension("an angle", "40 arcsec"),
@@ -118,6 +118,7 @@ USUAL: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
 }
 """Factors of usual units, by SI unit: to it, and from it. They are pint's, whose import takes a tenth of a second."""
 
+_RANGED: Final = re.compile(r"\d[^.]*\.\.\s*[-+]?\.?\d")
 _QUANTITY: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _NAME: Final = re.compile(r"[A-Za-z%_]+")
 _UNIT: Final = re.compile(rf"{_NAME.pattern}|[()*/ ]|[\^]-?\d(?!\d)|(?<![\d.])1(?![\d.])")
@@ -336,7 +337,7 @@ def quantity(text: object, unit: str, shares: bool = False) -> float:
         raise UnitError(f"got {_described(text)}; {expected}")
     match = _QUANTITY.fullmatch(text)
     if match is None or ".." in text:
-        raise UnitError(f"got {_quoted(text)}{', a range' if '..' in text else ''}; {expected}")
+        raise UnitError(f"got {_quoted(text)}{', a range' if _RANGED.search(text) else ''}; {expected}")
     number, name = float(match[1]), match[2]
     if not name and unit != "1":
         raise UnitError(f"got {_quoted(text)} without a unit; {expected}")
@@ -389,7 +390,7 @@ def parted(text: str) -> tuple[float, str]:
     """
     match = _QUANTITY.fullmatch(text)
     if match is None or ".." in text:
-        raise UnitError(f"got {_quoted(text)}{', a range' if '..' in text else ''}; expected a quantity")
+        raise UnitError(f"got {_quoted(text)}{', a range' if _RANGED.search(text) else ''}; expected a quantity")
     return float(match[1]), match[2].strip()
 
 

@@ -141,7 +141,8 @@ def check_exists(path: Path) -> None:
     """Raise `RunFolderError` where there is no folder."""
     if not path.is_dir():
         missing = "it is a file" if path.exists() else "there is no such folder"
-        raise RunFolderError(f"{path}: holds no run ({missing})")
+        campaign = str(path) if path.exists() and path.suffix == ".toml" and " " not in str(path) else "CAMPAIGN"
+        raise RunFolderError(f"{path}: holds no run ({missing}); mcnav run {campaign} makes one")
 
 
 def _read(path: Path, name: str, remedy: str) -> bytes | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields
@@ -50,6 +51,9 @@ FEW: Final = ", few flights"
 
 HELD, WRONG = 0.94, 0.05
 """Share of the stated intervals that should hold at least, and of the runs that may be wrong at most."""
+
+VARIANT: Final = re.compile(r"(?: [\d.]+)?, d = \d+|, correlation [\d.]+(?=$)")
+"""Part of a name by which rows of one family differ."""
 
 LEVEL: Final = 0.01
 """Probability with which a row that is just as good as that is called worse."""
@@ -214,10 +218,18 @@ def counted(runs: Sequence[Run]) -> dict[str, Row]:
     return {name: Row(mine) for name in rows() if (mine := [run for run in runs if run.row == name])}
 
 
+def families(runs: Sequence[Run]) -> dict[str, Row]:
+    """Return the rows of runs that differ in more than the number of errors, a curvature or a correlation."""
+    found: dict[str, list[Run]] = {}
+    for name, row in counted(runs).items():
+        found.setdefault(VARIANT.sub("", name), []).extend(row.runs)
+    return {name: Row(mine) for name, mine in found.items()}
+
+
 def table(runs: Sequence[Run]) -> list[str]:
-    """Tabulate runs, one row each."""
+    """Tabulate runs, one family of rows each."""
     head = ["event", "exact", "runs", "refused", "intervals that hold", "wrong", "error, rms", "samples, mean"]
-    lines = [head, ["---"] * len(head), *([name, *row.cells()] for name, row in counted(runs).items())]
+    lines = [head, ["---"] * len(head), *([name, *row.cells()] for name, row in families(runs).items())]
     return [f"| {' | '.join(line)} |" for line in lines]
 
 

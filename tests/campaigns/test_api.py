@@ -140,8 +140,8 @@ def test_where_there_is_no_run(tmp_path: Path, run: RunResult) -> None:
     broken = RunFolder(tmp_path / "broken off")
     broken.finish(broken.existing_manifest().model_copy(update={"complete": False}), {})
     said = {
-        "nowhere": r"nowhere: holds no run \(there is no such folder\)$",
-        "file": r"file: holds no run \(it is a file\)$",
+        "nowhere": r"nowhere: holds no run \(there is no such folder\); mcnav run CAMPAIGN makes one$",
+        "file": r"file: holds no run \(it is a file\); mcnav run CAMPAIGN makes one$",
         "empty": r"empty: holds no run \(manifest.json is missing\)$",
         "broken off": r"broken off: the run is not finished; run the campaign again",
     }

@@ -117,17 +117,15 @@ def test_every_trajectory_of_its_page(tmp_path: Path) -> None:
         parse_campaign(content, str(tmp_path / "mine.toml"), "mine")
 
 
-def test_every_command_and_every_option_of_run_is_documented() -> None:
+def test_every_command_has_its_row() -> None:
+    """The page says what each command of the help writes; the options are in the help alone."""
     told = (PAGES / "COMMANDS.md").read_text(encoding="utf-8")
     listed = invoke("--help", cwd=ROOT, columns=160).stdout
     commands = re.findall(r"^  ([a-z][a-z-]+) {2,}", listed.partition("Start:")[2], re.MULTILINE)
     assert len(commands) > 10
+    rows = re.findall(r"^\| (.*?) \|", told, re.MULTILINE)
     for command in commands:
-        assert f"`mcnav {command}" in told
-    options = set(re.findall(r"^  (--[a-z-]+)", invoke("run", "--help", cwd=ROOT, columns=160).stdout, re.MULTILINE))
-    assert len(options) > 10
-    for option in options:
-        assert f"`{option}" in told
+        assert any(f"`mcnav {command}`" in row for row in rows), command
 
 
 @pytest.mark.parametrize("page", ["CAMPAIGNS.md", "GUIDE.md"])

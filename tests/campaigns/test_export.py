@@ -282,7 +282,7 @@ def test_the_command(plain: RunResult, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("nowhere",), r"error: nowhere: holds no run \(there is no such folder\)"),
+        (("nowhere",), r"error: nowhere: holds no run \(there is no such folder\); mcnav run CAMPAIGN makes one"),
         (
             ("plain", "--out", "plain/manifest.json"),
             r"error: --out: got plain/manifest.json; expected a folder, such as plain/manifest",

@@ -200,7 +200,7 @@ HOVER = {"type": "hover", "duration": "20 min"}
     [
         (CRUISE | {"speed": "250 m"}, "scenario.speed: got '250 m', which is a length; expected a speed"),
         (CRUISE | {"speed": "8 km/s"}, "scenario.speed: 8000 m/s is not below the 7905.5 m/s of a satellite at this"),
-        (CRUISE | {"speed": "-1 m/s"}, "scenario.speed: got '-1 m/s'; expected a number greater than or equal to 0"),
+        (CRUISE | {"speed": "-1 m/s"}, "scenario.speed: got '-1 m/s'; expected at least 0 m/s"),
         (CRUISE | {"distance": "9 km"}, "scenario.distance: got with a duration; keep one"),
         ({"type": "cruise", "speed": "9 m/s"}, "scenario.duration: is missing; give it, or a distance"),
         ({"type": "cruise", "speed": "0 m/s", "distance": "9 km"}, "scenario.distance: takes more than ten days"),

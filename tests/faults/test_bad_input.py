@@ -29,6 +29,7 @@ ALL = ", ".join(source.name for source in SOURCES)
 
 CAMPAIGNS = {
     "no TOML": ("samples = = 3", "is not TOML"),
+    "a key twice": ("seed = 1\nseed = 2\n", "is not TOML: a key is given twice (at line 2, column 9): seed = 2"),
     "no text": ("\x00", "is not UTF-8 text, but seems to be UTF-16"),
     "an unknown source": (
         REENTRY + 'gyro_arw = "1 deg/h"\n',
@@ -41,6 +42,10 @@ CAMPAIGNS = {
     "no such type": (REENTRY.replace('"reentry"', '"entry"'), "scenario.type: got 'entry'"),
     "no such trajectory": (REENTRY.replace("= 4", "= 40"), "scenario.trajectory: got 40"),
     "an unknown key": ("sample = 3\n" + REENTRY, "sample: unknown key; did you mean 'samples'? It is one of name"),
+    "per cent without its sign": (
+        "tolerance = 5\n" + REENTRY,
+        'tolerance: got 5; expected a number less than 1, such as "5 %"',
+    ),
     "no scenario": ("samples = 3\n", "scenario: is missing"),
     "no code": (OWN, "scenario.type: "),
 }
@@ -145,8 +150,9 @@ def test_a_scenario_that_cannot_be_flown(case: str, tmp_path: Path, monkeypatch:
 
 
 OPTIONS = {
-    "a time that is none": (["run", "good.toml", "--timeout", "soon"], "good.toml: sample_timeout: got 'soon'"),
-    "a time that is a length": (["run", "good.toml", "--timeout", "5 km"], "good.toml: sample_timeout: got '5 km'"),
+    "a time that is none": (["run", "good.toml", "--timeout", "soon"], "--timeout: got 'soon'; expected a time"),
+    "a time that is a length": (["run", "good.toml", "--timeout", "5 km"], "--timeout: got '5 km', which is a length"),
+    "a time without a unit": (["run", "good.toml", "--timeout", "5"], "--timeout: got '5' without a unit; expected"),
     "no time": (["run", "good.toml", "--timeout", "0 s"], "good.toml: sample_timeout: got '0 s'"),
     "a seed too long": (["run", "good.toml", "--seed", "9" * 30], "good.toml: seed: got 9999"),
     "too many samples": (["run", "good.toml", "--samples", "9" * 20], "good.toml: samples: got 9999"),
@@ -160,7 +166,10 @@ OPTIONS = {
     "a campaign that is not there": (["run", "nowhere.toml"], "nowhere.toml: no such file"),
     "a folder as campaign": (["run", "other"], "other: is a folder"),
     "a report of nothing": (["report", "nowhere"], "nowhere: holds no run"),
-    "a report of a file": (["report", "good.toml"], "good.toml: holds no run"),
+    "a report of a file": (
+        ["report", "good.toml"],
+        "good.toml: holds no run (it is a file); mcnav run good.toml makes one",
+    ),
     "a comparison with nothing": (["compare", "nowhere"], "nowhere: holds no run (there is no such folder)"),
     "a replay of nothing": (["replay", "nowhere", "1"], "nowhere: holds no run"),
     "an index of nothing": (["report", "--index", "nowhere"], "nowhere: is no folder; expected one that contains"),
@@ -189,10 +198,10 @@ OPTIONS = {
     ),
     "no such command": (["rnu", "good.toml"], "mcnav has no command 'rnu'; did you mean 'run'? mcnav --help lists all"),
     "no such option": (["run", "good.toml", "--sampels", "3"], "--sampels: no such option; did you mean '--samples'?"),
-    "an option without its value": (["run", "good.toml", "-n"], "-n: needs a value"),
+    "an option without its value": (["run", "good.toml", "-n"], "-n: needs a value; mcnav run --help lists"),
     "a switch with a value": (["run", "good.toml", "--fresh=1"], "--fresh: takes no value"),
-    "a word for a number": (["run", "good.toml", "-n", "many"], "--samples: expected a whole number"),
-    "too few": (["run", "good.toml", "-n", "1"], "--samples: expected at least 2"),
+    "a word for a number": (["run", "good.toml", "-n", "many"], "--samples: got 'many'; expected a whole number"),
+    "too few": (["run", "good.toml", "-n", "1"], "--samples: got '1'; expected at least 2"),
     "no campaign": (["run"], "CAMPAIGN: is missing; mcnav run --help lists what it takes"),
     "two campaigns": (["run", "good.toml", "cruise.toml"], "unexpected words (cruise.toml); mcnav run --help"),
     "a campaign that is there": (["new", "campaign", "good"], "good.toml: exists already"),

@@ -122,7 +122,7 @@ def test_a_sphere_has_three_outputs() -> None:
         ("r95", {"during": ["1200 s", "soon"]}, "r95 #1.during #2: got 'soon'; expected a time"),
         ("r95", {"during": ["1200 s"]}, 'r95 #1.during: expected a begin and an end such as ["1200 s", "1500 s"], or'),
         ("r95", {"during": "landing"}, "r95 #1.during: expected a begin and an end"),
-        ("r95", {"during": "outages"}, "r95 #1.during: got 'outages'; no sensor has one within"),
+        ("r95", {"during": "outages"}, "r95 #1.during: got 'outages'; no sensor has an outage"),
         ("sep", {"outputs": POSITION[:2]}, "sep #1.outputs: got a list of length 2; expected at least 3 entries"),
         ("sep", {"outputs": [*POSITION[:2], "heading"]}, "sep #1.outputs: position_north and heading have different"),
         ("sep", {"outputs": [*POSITION[:2], POSITION[0]]}, "sep #1.outputs: got 'position_north' twice; expected"),

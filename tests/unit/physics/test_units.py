@@ -92,6 +92,8 @@ def test_quantities(text: object, unit: str, value: float | None) -> None:
         ("5 m**9**9**9", "m", "is not a unit"),
         ("5 " + "k" * 5000, "m", "is not a unit"),
         ("5 m\x1b[31m", "m", "is not a unit"),
+        ("1..2 mrad", "rad", "got '1..2 mrad', a range; expected an angle"),
+        ("1..x mrad", "rad", "got '1..x mrad'; expected an angle"),
     ],
 )
 def test_what_cannot_be_read(text: object, unit: str, message: str) -> None:
