@@ -55,7 +55,7 @@ def ambiguity(chosen: Model, rival: Model) -> str:
     'whether there is rate random walk'
     """
     more, fewer = (
-        " and ".join(process.words for process in slow_processes(one) if process not in other.processes)
+        " and ".join(process.words for process in one.processes if process not in other.processes)
         for one, other in ((chosen, rival), (rival, chosen))
     )
     return f"{more} from {fewer}" if fewer else f"whether there is {more}"

@@ -5,9 +5,9 @@ price p_m of the model, a 95 % interval holds the values with
 
     min_m [D_m(θ) + p_m] ≤ min_m [D_m + p_m] + 3.84
 
-over the models with the parameter and with the same fast noise. A model that the record does not tell from the best,
-within `CLOSE`, may be the true one: the interval holds its own as well, ``D_m(θ) ≤ min D_m + 3.84``. Where a second
-process is nearly taken in, it thereby widens the intervals of the first.
+over the models with the parameter, and with the same fast noise or less. A model that the record does not tell from the
+best, within `CLOSE`, may be the true one: the interval holds its own as well, ``D_m(θ) ≤ min D_m + 3.84``. Where a
+second process is nearly taken in, it thereby widens the intervals of the first.
 """
 
 from __future__ import annotations

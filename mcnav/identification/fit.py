@@ -45,19 +45,19 @@ class AxisFit:
 
     @property
     def alike(self) -> tuple[Candidate, ...]:
-        """Candidates besides the chosen one with its fast noise."""
+        """Candidates besides the chosen one with its fast noise, or with less: quantization may be a slow process."""
         fast = QUANTIZATION in self.chosen.model.processes
         return tuple(
-            candidate for candidate in self.candidates[1:] if (QUANTIZATION in candidate.model.processes) == fast
+            candidate for candidate in self.candidates[1:] if fast or QUANTIZATION not in candidate.model.processes
         )
 
     @property
     def rivals(self) -> tuple[Candidate, ...]:
-        """Candidates that have other slow processes in place of the chosen one's, or fewer, and fit nearly as well."""
-        own, limit = set(slow_processes(self.chosen.model)), self.chosen.criterion + CLOSE
+        """Candidates with slow processes that lack a process of the chosen one, and fit nearly as well."""
+        own, limit = set(self.chosen.model.processes), self.chosen.criterion + CLOSE
         return tuple(
             candidate for candidate in self.alike
-            if candidate.criterion < limit and (slow := slow_processes(candidate.model)) and own - set(slow)
+            if candidate.criterion < limit and slow_processes(candidate.model) and own - set(candidate.model.processes)
         )  # fmt: skip
 
     @property

@@ -16,6 +16,7 @@ from mcnav.identification.handling import find_hold
 from mcnav.identification.likelihood import maximize
 from mcnav.identification.processes import (
     FLICKER,
+    QUANTIZATION,
     RATE_RANDOM_WALK,
     WHITE,
     Grid,
@@ -120,6 +121,18 @@ def test_an_interval_holds_those_of_models_that_are_not_told_apart() -> None:
             low, high = np.exp(rival.interval(name))
             assert stated[name].low <= low * (1.0 + 2e-4)
             assert stated[name].high >= high * (1.0 - 2e-4)
+
+
+def test_quantization_that_may_be_a_slow_process_is_not_certain() -> None:
+    """This record of white noise, flicker noise and a Gauss-Markov process has none: a model with it is better by 0.4.
+
+    With that model's kind of fast noise alone, the white noise was at most 0.977; it is 1.
+    """
+    noise = identify_noise(simulate("flicker and Gauss-Markov", 124), 1.0)
+    estimates = {estimate.name: estimate for estimate in noise.estimates}
+    assert QUANTIZATION in noise.fitted.chosen.model.processes
+    assert not estimates["quantization"].certain
+    assert estimates["random_walk"].low <= 1.0 <= estimates["random_walk"].high
 
 
 def test_what_a_record_does_not_show_is_said() -> None:
