@@ -26,6 +26,7 @@ from joblib.externals.loky.backend import context
 
 from mcnav.execution import child_processes
 from mcnav.numerics.power_sums import sum_powers_about_zero
+from tests.compile_once import share_compilation
 
 SERVING: Final = "MCNAV_WORKER_SERVER"
 """Variable of the environment that only the server has."""
@@ -88,6 +89,7 @@ if SERVING in os.environ:
     for name in WORKERS_NEED + COMMANDS_NEED:
         import_module(name)
     import_module("mcnav.runner.worker_processes").end_with_parent = _end_with_server
+    share_compilation()
     load_kernels()
     gc.freeze()  # joblib's workers collect garbage again and again
     child_processes.end_with_parent = _end_with_server

@@ -19,7 +19,7 @@ from mcnav.systems.ins.sensors import measurements
 from tests.aided import make_filter, make_sensor
 from tests.flights import flight
 
-FEW, MANY = 150, 600
+FEW, MANY = 300, 1200
 TRUTH = flight(1.0)
 IMU = Imu(Noise(np.full(3, 6e-7), np.full(3, 1.5e-8), np.full(3, 1000.0)), Noise(np.full(3, 2e-4)))
 SIGMAS = {"position": 10.0, "velocity": 0.1, "tilt": 1e-4, "heading": 1e-3, "gyro_bias": 5e-8}
