@@ -26,6 +26,7 @@ from mcnav.systems.reentry.scenario import SOURCES, Flight, Reentry
 from mcnav.systems.reentry.table_i import COLUMNS, ERROR_SIZES, ERRORS, TABLE_I, among_all, start_state
 from mcnav.systems.reentry.vehicle import Vehicle
 from tests import examples, worker_server
+from tests.compile_once import share_compilation
 from tests.processes import run_to_end
 from tests.reproduction import Reproduction, reproduce, reproduced
 
@@ -222,8 +223,14 @@ def one_thread_each() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def kept_apart(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Keep results of these tests apart from those of whoever runs them."""
-    os.environ["MCNAV_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
+    """Keep results of these tests apart from those of whoever runs them; all workers share what they have kept."""
+    os.environ["MCNAV_CACHE_DIR"] = str(_shared(tmp_path_factory) / "cache")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Let one worker compile what several need at the same time."""
+    share_compilation(_shared(tmp_path_factory) / "compiling")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -243,10 +250,15 @@ def forked_workers() -> None:
         worker_server.use_server()
 
 
+def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder that all workers have."""
+    folder = tmp_path_factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
 def _once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
     """Return a folder that the first of all workers makes, and the others wait for."""
-    folder = tmp_path_factory.getbasetemp()
-    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    shared = _shared(tmp_path_factory)
     with FileLock(shared / f"{name}.lock"):
         if not (shared / name).exists():
             make(shared / f"{name}.part")

@@ -1,8 +1,8 @@
 """Server that has imported and loaded what workers need, and forks them for runs in the tests' own process.
 
 joblib and dask start a new interpreter for each worker, which imports for more than a second; there would be some
-hundred of them. Tasks and results are pickled and sent all the same. A command that a test starts as a process of its
-own has the workers that a user's has.
+hundred of them. Commands of `tests.forked` are its forks as well. Tasks and results are pickled and sent all the same.
+A command that a test starts as a process of its own has the workers that a user's has.
 """
 
 from __future__ import annotations
@@ -26,9 +26,16 @@ from joblib.externals.loky.backend import context
 
 from mcnav.execution import child_processes
 from mcnav.numerics.power_sums import sum_powers_about_zero
+from tests.compile_once import share_compilation
 
 SERVING: Final = "MCNAV_WORKER_SERVER"
 """Variable of the environment that only the server has."""
+
+WORKERS_NEED: Final = ("mcnav.workflow.run", "distributed.nanny")
+COMMANDS_NEED: Final = (
+    "mcnav.cli", "mcnav.report.pages.run.page", "mcnav.studies.lincov", "mcnav.studies.allocate", "pandas",
+)  # fmt: skip
+"""Modules that commands import when they are called: half a second of each command of `tests.forked`."""
 
 
 def _end_with_server(_: int) -> None:
@@ -79,9 +86,10 @@ def load_kernels() -> None:
 
 
 if SERVING in os.environ:
-    for name in ("mcnav.workflow.run", "distributed.nanny"):
+    for name in WORKERS_NEED + COMMANDS_NEED:
         import_module(name)
     import_module("mcnav.runner.worker_processes").end_with_parent = _end_with_server
+    share_compilation()
     load_kernels()
     gc.freeze()  # joblib's workers collect garbage again and again
     child_processes.end_with_parent = _end_with_server

@@ -64,7 +64,7 @@ def test_one_screen_is_the_answer(browser: Browser, page_of: Callable[[str], Pat
         assert folds.count() >= (1 if kind in STUDIES else 4)
         assert all(page.locator("details.fold > summary .line").all_inner_texts())
         assert page.evaluate("document.documentElement.scrollHeight") < 2 * HEIGHT
-    with browser.opened(page_of(kind), 380, folded=True) as page:
+        page.set_viewport_size({"width": 380, "height": HEIGHT})
         assert page.evaluate("document.documentElement.scrollWidth") <= 380
 
 

@@ -22,9 +22,9 @@ from mcnav.studies.linearity import linearity_study
 from mcnav.systems.closed_loop.sizes import LoopSizes
 from mcnav.systems.user.conformance import check_conformance
 from mcnav.workflow.analyse import samples_of
-from mcnav.workflow.run import run_campaign
 from tests.closed_loops import CAMPAIGNS, FILE, SHIPPED, campaign, tables
 from tests.commands import in_process
+from tests.runs import simulate
 
 
 def written(folder: Path, name: str, **changes: Any) -> Path:
@@ -47,7 +47,7 @@ def test_samples_do_not_depend_on_workers(tmp_path: Path) -> None:
     samples = []
     for jobs in (1, 2):
         folder = tmp_path / f"run_{jobs}"
-        run_campaign(described, folder, "vectorised", jobs=jobs)
+        simulate(described, folder, "vectorised", jobs)
         samples.append(samples_of(folder))
     assert samples[0].equals(samples[1])
 

@@ -56,7 +56,7 @@ def test_one_measurement_is_exact_in_linear_analysis_and_in_samples(tmp_path: Pa
     squares = result.values[:, place] ** 2
     quantile = stats.norm.isf(0.5 * FALSE_ALARM)
     assert abs(squares.mean() - square) < quantile * squares.std() / np.sqrt(len(squares))
-    summary = run_campaign(campaign, tmp_path, "vectorised", 1).summary
+    summary = run_campaign(campaign, tmp_path, "vectorised", 1, report=False).summary
     rejected = summary["filter"]["sensors"]["fix"]["rejected"]  # of a flight, on average
     low, high = stats.binom.ppf([0.5 * FALSE_ALARM, 1.0 - 0.5 * FALSE_ALARM], campaign.samples, 0.01)
     assert low <= round(rejected * campaign.samples) <= high
@@ -78,7 +78,7 @@ def test_a_fault_in_linear_analysis_and_in_samples(tmp_path: Path) -> None:
     assert (law.first, law.last, law.before) == (3.0, 3.0, 2.0)
     believed = 1.0 / (1.0 / 25.0 + 2.0 / 4.0) + 4.0
     expected = float(stats.ncx2.sf(stats.chi2.ppf(0.99, 1), 1, 64.0 / believed))
-    (fault,) = run_campaign(gated, tmp_path, "vectorised", 1).summary["faults"]
+    (fault,) = run_campaign(gated, tmp_path, "vectorised", 1, report=False).summary["faults"]
     assert fault["expected"] == pytest.approx(expected, rel=1e-6)
     # of the flights in which the two fixes before were accepted, as if all were: 0.98
     assert 0.2 < expected < 0.95

@@ -20,7 +20,7 @@ from tests.conftest import campaign
 @pytest.fixture(scope="module")
 def content(tmp_path_factory: pytest.TempPathFactory) -> RunAnalysis:
     folder = tmp_path_factory.mktemp("run")
-    run_campaign(campaign(4, samples=2_000), folder, "ensemble", 1)
+    run_campaign(campaign(4, samples=2_000), folder, "ensemble", 1, report=False)
     return mcnav.open_run(folder).content
 
 

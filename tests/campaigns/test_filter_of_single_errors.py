@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +55,18 @@ def run(folder: Path, stated: list[float], samples: int, offset: str = "np.zeros
     return dict(run_campaign(read_campaign(path), folder / "run", None, 1).summary)
 
 
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float], tuple[dict[str, Any], Path]]:
+    """From what the filter states of the last error to the summary of 10,000 samples, and the folder: run once."""
+
+    @cache
+    def made(last: float) -> tuple[dict[str, Any], Path]:
+        folder = tmp_path_factory.mktemp("constants")
+        return run(folder, [RIGHT] * 5 + [last], 10_000), folder
+
+    return made
+
+
 def banner(folder: Path) -> tuple[str, str, str]:
     """Return tone and headline of the filter's banner, and the section that explains it."""
     page = (folder / "run" / "report.html").read_text(encoding="utf-8")
@@ -61,9 +75,9 @@ def banner(folder: Path) -> tuple[str, str, str]:
     return tone, headline, section[: section.index("</section>")]
 
 
-def test_one_of_six_sigmas_is_too_small(tmp_path: Path) -> None:
+def test_one_of_six_sigmas_is_too_small(ran: Callable[[float], tuple[dict[str, Any], Path]]) -> None:
     """Too small by 1.2: the mean NEES of all is 6.44 for 6, a ratio of 1.036, within the tolerance of 5 %."""
-    summary = run(tmp_path, [RIGHT] * 5 + [1.0 / 1.2], 10_000)
+    summary, folder = ran(1.0 / 1.2)
     verdict = summary["filter"]
     assert verdict["verdict"] == "optimistic"
     assert (verdict["group"], verdict["output"], verdict["verdict_groups"]) == ("", "x5", "consistent")
@@ -73,10 +87,10 @@ def test_one_of_six_sigmas_is_too_small(tmp_path: Path) -> None:
         r"The filter is optimistic by a factor of 1\.\d+ \(1\.1\d* to 1\.2\d*\) in x5 from 0 min on\.",
         summary["filter_verdict"],
     )
-    tone, headline, explanation = banner(tmp_path)
+    tone, headline, explanation = banner(folder)
     assert tone == "differs"
     assert headline.startswith("Do not trust this filter&#39;s covariance: x5 errors are 1.2 times what it computes.")
-    assert summary["filter_verdict"] in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert summary["filter_verdict"] in (folder / "run" / "report.html").read_text(encoding="utf-8")
     assert "1σ of x5" in explanation
     assert "single errors average out" in explanation
 
@@ -116,15 +130,15 @@ def test_too_few_samples_for_single_errors(tmp_path: Path) -> None:
     assert (tone, headline) == ("undecided", summary["filter_verdict"])
 
 
-def test_every_sigma_is_right(tmp_path: Path) -> None:
+def test_every_sigma_is_right(ran: Callable[[float], tuple[dict[str, Any], Path]]) -> None:
     """10,000 samples know each to ±1.4 %, and below the green banner every mark of the filter is green."""
-    summary = run(tmp_path, [RIGHT] * 6, 10_000)
+    summary, folder = ran(RIGHT)
     assert summary["filter_verdict"] == (
         "The filter is consistent: every output and every group is within ±5 % of the filter sigma at every epoch "
         "(95 % confidence)."
     )
-    assert banner(tmp_path)[0] == "agrees"
-    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert banner(folder)[0] == "agrees"
+    page = (folder / "run" / "report.html").read_text(encoding="utf-8")
     section = page[page.index('<section id="filter">') :]
     assert set(CHIP.findall(section[: section.index("</section>")])) == {"agrees"}
 
@@ -154,10 +168,10 @@ def test_a_filter_that_states_no_variance_of_an_error_is_optimistic(tmp_path: Pa
 
 
 @pytest.mark.parametrize("last", [RIGHT, 1.0 / 1.2])
-def test_what_is_not_good_comes_first(tmp_path: Path, last: float) -> None:
+def test_what_is_not_good_comes_first(ran: Callable[[float], tuple[dict[str, Any], Path]], last: float) -> None:
     """In the terminal and on the page: the filter's verdict before a good one on linear analysis, and only then."""
-    run(tmp_path, [RIGHT] * 5 + [last], 10_000)
-    printed = invoke("show", tmp_path / "run", cwd=tmp_path).stdout
+    _, folder = ran(last)
+    printed = invoke("show", folder / "run", cwd=folder).stdout
     order = [
         printed.index(words[:38])
         for words in (
@@ -166,7 +180,7 @@ def test_what_is_not_good_comes_first(tmp_path: Path, last: float) -> None:
         )
     ]
     assert order[0] < order[1]
-    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    page = (folder / "run" / "report.html").read_text(encoding="utf-8")
     assert [tone for tone, _ in BANNER.findall(page)] == (
         ["agrees", "agrees"] if last == RIGHT else ["differs", "agrees"]
     )

@@ -140,10 +140,19 @@ def test_causes_are_those_of_the_number_beside_them(tmp_path: Path) -> None:
     assert row["variance_by_cause"]["position_north"][north] == pytest.approx(row["sigma"][north] ** 2, rel=1e-12)
 
 
-def test_causes_of_a_requirement_are_at_its_tightest_instant(tmp_path: Path) -> None:
-    """Over an outage: shares in the variance of that instant, in `lincov` and in `run` alike."""
+@pytest.fixture(scope="module")
+def run_of_19(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
+    """Campaign 19 with few samples, and the folder of its run with a report."""
     entries = tomllib.loads((CAMPAIGNS / "19_flight_with_gnss.toml").read_text())
     campaign = parse_campaign(entries | {"samples": 16}, str(CAMPAIGNS / "again.toml"), "again")
+    folder = tmp_path_factory.mktemp("19") / "run"
+    run_campaign(campaign, folder, None, 1)
+    return campaign, folder
+
+
+def test_causes_of_a_requirement_are_at_its_tightest_instant(run_of_19: tuple[Campaign, Path], tmp_path: Path) -> None:
+    """Over an outage: shares in the variance of that instant, in `lincov` and in `run` alike."""
+    campaign, folder = run_of_19
     found, (table, _) = write_lincov(campaign, tmp_path)
     stored = json.loads(table.read_text())
     tight = stored["requirements"][0]
@@ -155,7 +164,7 @@ def test_causes_of_a_requirement_are_at_its_tightest_instant(tmp_path: Path) -> 
         assert cause["share"] == pytest.approx(share, rel=1e-9)
     at_the_end = [found.budget.shares[outputs[0], found.causes.index(cause["name"])] for cause in tight["causes"][:1]]
     assert tight["causes"][0]["share"] > 2.0 * at_the_end[0]
-    summary = run_campaign(campaign, tmp_path / "run", None, 1, report=False).summary
+    summary = json.loads((folder / "summary.json").read_text())
     for own, entry in zip(stored["requirements"], summary["requirements"], strict=True):
         if np.isclose(entry["time"] * 60.0, own["time"]):  # the samples' largest quantile may be at another epoch
             assert [each["name"] for each in entry["causes"]] == [each["name"] for each in own["causes"]]
@@ -165,12 +174,10 @@ def test_causes_of_a_requirement_are_at_its_tightest_instant(tmp_path: Path) -> 
     assert summary["requirements"][0]["causes"]
 
 
-def test_a_report_has_the_causes_of_the_largest_sigma_beside_it(tmp_path: Path) -> None:
+def test_a_report_has_the_causes_of_the_largest_sigma_beside_it(run_of_19: tuple[Campaign, Path]) -> None:
     """At the end of the outage of campaign 19 the north position error is of the gyros, at the end of GNSS."""
-    entries = tomllib.loads((CAMPAIGNS / "19_flight_with_gnss.toml").read_text())
-    campaign = parse_campaign(entries | {"samples": 16}, str(CAMPAIGNS / "again.toml"), "again")
-    run_campaign(campaign, tmp_path / "run", None, 1)
-    page = (tmp_path / "run" / "report.html").read_text()
+    campaign, folder = run_of_19
+    page = (folder / "report.html").read_text()
     row = page.partition('class="answers filtered"')[2].partition("position north")[2].partition("</tr>")[0]
     at_the_end, _, largest = row.rpartition("<small>")
     history = linear_covariance(campaign).history

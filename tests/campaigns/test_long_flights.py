@@ -42,7 +42,7 @@ seed = 1
 [scenario]
 type = "ins"
 [scenario.trajectory]
-rate = "0.1 Hz"
+rate = "0.02 Hz"
 start = { latitude = "47 deg", longitude = "9 deg", altitude = "500 m", course = "80 deg" }
 segments = [{ hold = "100 h" }]
 [imu]
@@ -62,7 +62,7 @@ def _altitude_sigma(minutes: float) -> float:
     return BIAS / (2.0 * square) * (math.cosh(math.sqrt(2.0 * square) * 60.0 * minutes) - 1.0)
 
 
-@pytest.mark.parametrize("minutes", [96.0, 100.0, 120.0])
+@pytest.mark.parametrize("minutes", [96.0, 120.0])
 def test_a_hover_beyond_the_model_has_a_report(tmp_path: Path, minutes: float) -> None:
     """The first of 60 readings at which the closed form is beyond half the radius is named before and after."""
     campaign = _written(tmp_path, HOVER.replace("DURATION", f"{minutes:g} min"))

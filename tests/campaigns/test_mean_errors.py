@@ -131,7 +131,9 @@ def test_a_sweep_ranks_by_root_mean_squares(switched: Path) -> None:
 
 def test_a_mean_by_sampling_noise_is_not_said(switched: Path) -> None:
     """The plain mean of 1,000 samples is off by some hundredths of a sigma."""
-    done = run_campaign(parse_campaign(reentry(), "on.toml", "on"), switched / "plain", "ensemble", jobs=1)
+    done = run_campaign(
+        parse_campaign(reentry(), "on.toml", "on"), switched / "plain", "ensemble", jobs=1, report=False
+    )
     summary = done.results
     assert np.abs(np.array(summary.mean_sample) / np.array(summary.sigma_paired)).max() > 0.01
     assert mean_sentence(summary) == ""
@@ -154,7 +156,9 @@ def test_a_mean_is_said_from_one_sigma_on(multiple: float, said: bool, tmp_path:
 
 
 def test_statements_begin_with_the_mean(switched: Path) -> None:
-    done = run_campaign(parse_campaign(reentry("80 km"), "off.toml", "off"), switched / "again", "ensemble", jobs=1)
+    done = run_campaign(
+        parse_campaign(reentry("80 km"), "off.toml", "off"), switched / "again", "ensemble", jobs=1, report=False
+    )
     first, *others = statements(done.results)
     assert first.subject == "means"
     assert others[0].sentence.startswith(VERDICT)

@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import get_args
 
@@ -68,13 +70,29 @@ class Mine:
 """
 
 
-@pytest.mark.parametrize("campaign", [BOOST, POLAR], ids=["boost", "polar"])
-def test_one_and_two_jobs_give_the_same_bits(campaign: Path, tmp_path: Path) -> None:
-    samples = {BOOST: 257, POLAR: 20_000}[campaign]  # the third chunk of boost has one
-    for jobs in (1, 2):
-        simulate(read_campaign(campaign, {"samples": samples}), tmp_path / str(jobs), None, jobs)
-    assert _digests(tmp_path / "1") == _digests(tmp_path / "2")
-    assert len(_digests(tmp_path / "1")) == 3
+SAMPLES = {BOOST: 257, POLAR: 20_000}
+"""Three chunks each; the third one of boost has one sample."""
+
+
+@pytest.fixture(scope="module")
+def runs_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]:
+    """From a campaign to a folder with its runs by one job and by two, which are made once."""
+
+    @cache
+    def made(campaign: Path) -> Path:
+        folder = tmp_path_factory.mktemp("runs")
+        for jobs in (1, 2):
+            simulate(read_campaign(campaign, {"samples": SAMPLES[campaign]}), folder / str(jobs), None, jobs)
+        return folder
+
+    return made
+
+
+@pytest.mark.parametrize("campaign", SAMPLES, ids=["boost", "polar"])
+def test_one_and_two_jobs_give_the_same_bits(campaign: Path, runs_of: Callable[[Path], Path]) -> None:
+    folder = runs_of(campaign)
+    assert _digests(folder / "1") == _digests(folder / "2")
+    assert len(_digests(folder / "1")) == 3
 
 
 def test_the_reports_are_complete(tmp_path: Path) -> None:
@@ -200,14 +218,16 @@ def test_reading_a_run_folder_executes_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("campaign", [BOOST, POLAR, ROOT / "campaigns" / "11_cruise.toml"], ids=lambda path: path.stem)
-def test_replayed_samples_are_those_of_the_run(campaign: Path, tmp_path: Path) -> None:
+def test_replayed_samples_are_those_of_the_run(campaign: Path, runs_of: Callable[[Path], Path], tmp_path: Path) -> None:
     """The code of the user's own is the file that the command names, never the one kept in the run folder."""
-    simulate(read_campaign(campaign, {"samples": 200}), tmp_path / "run", None, 1)
-    described = campaign if campaign in (BOOST, POLAR) else None
-    for index in (0, 63, 199):
-        assert as_stored(replay(tmp_path / "run", index, described))
+    own, count = campaign in SAMPLES, SAMPLES.get(campaign, 200)
+    folder, described = (runs_of(campaign) / "1", campaign) if own else (tmp_path / "run", None)
+    if not own:
+        simulate(read_campaign(campaign, {"samples": count}), folder, None, 1)
+    for index in (0, 63, count - 1):
+        assert as_stored(replay(folder, index, described))
     with pytest.raises((CampaignError, RunFolderError)):
-        replay(tmp_path / "run", 200, described)
+        replay(folder, count, described)
 
 
 def test_settings_have_units(tmp_path: Path) -> None:

@@ -145,7 +145,7 @@ def test_report_from_stored_samples(finished: tuple[Path, dict[str, Any]]) -> No
 def test_a_missing_or_damaged_part_is_flown_again(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     run = campaign(4, samples=20_000)
-    run_campaign(run, folder, "ensemble", 2)
+    run_campaign(run, folder, "ensemble", 2, report=False)
     before = _digests(folder)
     parts = sorted((folder / "samples").iterdir())
     parts[0].unlink()
@@ -279,7 +279,7 @@ def test_a_folder_in_use_is_respected(tmp_path: Path) -> None:
 
 
 def test_a_part_that_is_not_of_the_run_is_named(tmp_path: Path) -> None:
-    run_campaign(campaign(1), tmp_path / "run", "ensemble", 1)
+    run_campaign(campaign(1), tmp_path / "run", "ensemble", 1, report=False)
     samples = tmp_path / "run" / "samples"
     (samples / "part-00009.parquet").write_bytes((samples / "part-00000.parquet").read_bytes())
     with pytest.raises(RunFolderError, match=r"part-00009\.parquet: is not of this run; remove it"):
@@ -308,7 +308,7 @@ def test_damage_is_noticed_and_named(
     elif name == "history.parquet" or (name, damage) in {("campaign.toml", "missing"), ("manifest.json", "missing")}:
         with pytest.raises(RunFolderError, match=r"run the campaign|holds no run"):
             report_run(folder)
-    mended = run_campaign(run, folder, "ensemble", 1)
+    mended = run_campaign(run, folder, "ensemble", 1, report=False)
     assert mended.simulated == 0
     assert len(mended.notices) == (name == "manifest.json" and damage != "missing")
     assert summary_of(folder) == finished[1]

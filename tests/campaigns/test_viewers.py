@@ -30,11 +30,11 @@ DIGITS = 1e-9
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("viewers") / "run"
     if request.param == "reentry":
-        run_campaign(campaign(4, samples=50), folder, "ensemble", 1)
+        run_campaign(campaign(4, samples=50), folder, "ensemble", 1, report=False)
     else:
         described = shortened(20, 120.0, (60.0, 90.0)) | {"samples": 20}
         read = parse_campaign(described, str(FOLDER / "small.toml"), "small")
-        run_campaign(read, folder, "ensemble", 1)
+        run_campaign(read, folder, "ensemble", 1, report=False)
     return folder
 
 

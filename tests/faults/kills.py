@@ -39,6 +39,7 @@ from mcnav.execution.progress import Silent
 from mcnav.files.whole import write_whole
 from mcnav.runner.dask_cluster import connect
 from mcnav.store.chunk_files import chunk_name
+from tests.compile_once import share_compilation
 from tests.faults.kinds import BACKENDS, DASK, KINDS, SCHEDULER, STORES, Case
 from tests.faults.remains import left_of, workers_of
 from tests.faults.trials import COLUMNS, PAUSE, Place, Trial, Undisturbed, finish, start, start_run
@@ -216,6 +217,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--backends", nargs="+", choices=BACKENDS, default=list(BACKENDS))
     parser.add_argument("--mode", choices=list(MODES), default="random")
     options = parser.parse_args(arguments)
+    share_compilation()  # with the tests, if they have started this
     chance, known, counts = (
         random.Random(options.seed),
         dict[Case, Undisturbed](),

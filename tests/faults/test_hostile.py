@@ -39,7 +39,7 @@ from tests.runs import simulate
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of three chunks of the reference engine's size."""
     folder = tmp_path_factory.mktemp("stored") / "run"
-    run_campaign(campaign(1, samples=70, errors=TWO_ERRORS), folder, "reference", 1)
+    run_campaign(campaign(1, samples=70, errors=TWO_ERRORS), folder, "reference", 1, report=False)
     return folder
 
 
@@ -237,7 +237,7 @@ def stored_with_inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "table.txt").write_text("2")
     reads = f"open({str(place / 'table.txt')!r}).close()\n\nclass Mine:"
     path = write_campaign(place, "pass", VECTORISED.replace("class Mine:", reads))
-    run_campaign(read_campaign(path), place / "run", None, 1)
+    run_campaign(read_campaign(path), place / "run", None, 1, report=False)
     return place
 
 

@@ -24,6 +24,7 @@ from mcnav.frames import simulation
 from mcnav.runner import worker_processes
 from mcnav.systems import timeouts
 from mcnav.systems.user.stochastic_scenario import is_users_with_noise
+from tests.commands import invoke
 from tests.faults.scenarios import SINGLE, VECTORISED, command, environment, write_campaign
 from tests.forked import run_forked
 from tests.processes import run_to_end, running, wait_for
@@ -147,7 +148,8 @@ def test_a_sample_of_the_campaign_is_named(tmp_path: Path) -> None:
     assert "in mine.py while it simulated samples 150 to 174; stored samples are kept; with sample_timeout" in line
     kept = sorted(each.name for each in (tmp_path / "run" / "samples").glob("part-*.parquet"))
     assert kept == [f"part-0000{number}.parquet" for number in range(6)]
-    done = _run("run", path, "--jobs", "1", "--out", "run", "--timeout", "1 min", "--no-report", cwd=tmp_path)
+    # in this process, whose workers start in no time
+    done = invoke("run", path, "--jobs", 1, "--out", "run", "--timeout", "1 min", "--no-report", cwd=tmp_path)
     assert done.returncode == 3, done.stderr
     samples = mcnav.samples_of(tmp_path / "run")
     assert np.flatnonzero(samples["status"] != "ok").tolist() == [160]

@@ -55,7 +55,7 @@ def small(samples: int, **more: object):  # type: ignore[no-untyped-def]
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("finished") / "run"
-    run_campaign(small(300), folder, "ensemble", 1)
+    run_campaign(small(300), folder, "ensemble", 1, report=False)
     return folder
 
 
@@ -75,7 +75,7 @@ def test_every_wrong_byte_of_a_chunk_is_noticed_and_mended(finished: Path, tmp_p
         assert verify_chunk(folder.chunk_folder, 0, identity) is None, position
     with pytest.raises(RunFolderError, match=r"part-00000\.parquet: is damaged \(its checksum differs\)"):
         report_run(folder.path)
-    mended = run_campaign(small(300), folder.path, "ensemble", 1)
+    mended = run_campaign(small(300), folder.path, "ensemble", 1, report=False)
     assert mended.simulated == 300
     assert mended.notices == (f"{path}: is damaged; its samples are flown again",)
     assert path.read_bytes() == whole
