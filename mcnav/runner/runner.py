@@ -62,8 +62,19 @@ def _stored_and_missing(
         missing.append(place)
         path = work.folder.chunk_folder / chunk_name(number)
         if path.exists() and (file is None or file.begin != begin):
-            notice(f"{path}: is damaged; its samples are flown again")
+            state = "is damaged" if file is None else "begins with another sample"
+            notice(f"{path}: {state}; its samples are flown again")
+    _delete_other_chunks(work, len(range(0, samples, chunk)))
     return chunks, missing
+
+
+def _delete_other_chunks(work: ChunkJob, needed: int) -> None:
+    """Delete chunks of this run behind those needed that begin elsewhere: of a version with chunks of another size."""
+    for path in work.folder.chunk_folder.glob("part-*.parquet"):
+        number = int(path.stem.removeprefix("part-"))
+        file = find_file(work, number) if number >= needed else None
+        if file is not None and file.begin != number * work.chunk:
+            path.unlink()
 
 
 def run_chunks(

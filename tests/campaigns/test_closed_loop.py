@@ -52,6 +52,18 @@ def test_samples_do_not_depend_on_workers(tmp_path: Path) -> None:
     assert samples[0].equals(samples[1])
 
 
+def test_a_run_of_a_version_with_shorter_chunks_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks are simulated again to the same bits, and none of the shorter ones is left."""
+    described, folder = read_campaign(written(tmp_path / "case", "Pendulum", samples=150)), tmp_path / "run"
+    samples = []
+    for most in (40, 100):
+        monkeypatch.setattr("mcnav.systems.closed_loop.scenario.MOST_SAMPLES", most)
+        run_campaign(described, folder, "vectorised", jobs=1)
+        samples.append(samples_of(folder))
+    assert samples[0].equals(samples[1])
+    assert len(list((folder / "samples").glob("part-*.parquet"))) == 2
+
+
 def test_a_run_judges_all_four_kinds(tmp_path: Path) -> None:
     """True dispersion, navigation dispersion, navigation error and the filter's own, with requirements on any."""
     limit = {"output": "true_position", "probability": 0.9, "below": "4 m", "after": "100 s"}

@@ -23,6 +23,18 @@ def without_noise(sensors: tuple[str, ...]) -> GivenNoise:
     return GivenNoise(np.zeros((1, *tables.ensemble.factors.shape[:2])), np.zeros((1, *tables.white.shape)))
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_noise_that_is_not_given_is_zero(own: bool) -> None:
+    """To the bit, for samples with errors of the start, the instruments and the sensors."""
+    tables, errors = engine(sensors=ALL).tables, draw(1, {**SIGMAS, **NEGLECTED}, 1, scenario(ALL))
+    zeros, nothing = (
+        simulate_aided(tables, errors, 0, np.arange(1), own, given) for given in (without_noise(ALL), GivenNoise())
+    )
+    assert np.abs(zeros.values).max() > 0.0
+    for name in ("values", "linear", "records"):
+        np.testing.assert_array_equal(getattr(nothing, name), getattr(zeros, name), err_msg=name)
+
+
 def partials(adjoint: Adjoint, inputs: Array, start_map: Array, constants: Array, swings: Array) -> Array:
     """Add up the responses to constant errors: of the start, the instruments and the sensors, shape (9, sources).
 

@@ -63,9 +63,9 @@ MOST_NUMBERS: Final = 20_000
 
 FEWEST_EPOCHS: Final = 20
 
-CHUNK_NUMBERS: Final = 16_000_000
-MOST_SAMPLES: Final = 1_024
-"""Numbers over time, and samples, of a chunk."""
+CHUNK_NUMBERS: Final = 32_000_000
+MOST_SAMPLES: Final = 2_048
+"""Numbers over time, 256 MB, and samples, of a chunk: the loop's functions are called as often for ten as for all."""
 
 SURE: Final = 6.0
 """Sigmas of the final time before the nominal end by trigger up to which epochs lie: samples that have ended before an

@@ -275,11 +275,6 @@ class AidedNavigation:
         values, outcomes = self.propagate(tables, probes, False)
         return np.asarray(np.where((outcomes == SOUND)[:, None, None], values, 0.0))
 
-    def _silence(self, tables: AidedTables, count: int) -> GivenNoise:
-        steps, width = tables.ensemble.factors.shape[:2]
-        updates, most = tables.white.shape
-        return GivenNoise(np.zeros((count, steps, width)), np.zeros((count, updates, most)))
-
     def difference_of_gains(self, tables: AidedTables, probes: Array) -> float:
         """Compute the largest difference between shared gains and gains of each sample's own, in the filter's sigmas.
 
@@ -297,8 +292,7 @@ class AidedNavigation:
         values, outcomes = np.empty((len(errors), len(self.times), len(OUTPUTS))), np.empty(len(errors), dtype=np.int64)
         for begin in range(0, len(errors), OWN_CHUNK):
             piece = errors[begin : begin + OWN_CHUNK]
-            silence = self._silence(tables, len(piece))
-            aided = simulate_aided(tables, piece, 0, np.arange(len(piece)), own, silence)
+            aided = simulate_aided(tables, piece, 0, np.arange(len(piece)), own, GivenNoise())
             values[begin : begin + len(piece)], outcomes[begin : begin + len(piece)] = aided.values, aided.outcome
         return values, outcomes
 

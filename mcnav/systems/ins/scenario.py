@@ -332,6 +332,7 @@ class EnsembleEngine:
         return adjoint_of_free(tables.motion, int(tables.epochs[epoch]), tables.output_maps[epoch])
 
     def _simulate_given(self, batch: Batch, noise: GivenNoise) -> SimulationResult:
+        assert noise.added is not None  # the instruments' noise is all there is
         return self._result(simulate_given(self.tables, batch.errors, noise.added))
 
     def _without_noise(self, errors: Array) -> SimulationResult:

@@ -482,20 +482,20 @@ class AidedErrors:
 
 @dataclass(frozen=True)
 class GivenNoise:
-    """Noise that is given.
+    """Noise that is given; what is not given is zero.
 
     Attributes
     ----------
-    added : ndarray, shape (n, K, 9 + b)
+    added : ndarray, shape (n, K, 9 + b), optional
         What the instruments' processes add to psi, v, x and the biases in each step; biases start at zero.
-    measured : ndarray, shape (n, U, M)
+    measured : ndarray, shape (n, U, M), optional
         What white noise, correlated errors and flexures add to each measurement.
     jitters : ndarray, shape (n, U), optional
-        By how much each measurement is late besides the sensor's delay, s; none for zero.
+        By how much each measurement is late besides the sensor's delay, s.
     """
 
-    added: Array
-    measured: Array
+    added: Array | None = None
+    measured: Array | None = None
     jitters: Array | None = None
 
 
@@ -532,8 +532,9 @@ def simulate_aided(
     noise = _Noise(
         np.uint64(seed), given is None and bool(shared.factors.any() or shared.sizes.any()), given is None,
         given is None and bool(tables.correlated.any()),
-        nothing if given is None else np.ascontiguousarray(given.added.reshape(count, -1)),
-        nothing if given is None else np.ascontiguousarray(given.measured.reshape(count, -1)), flexed,
+        nothing if given is None or given.added is None else np.ascontiguousarray(given.added.reshape(count, -1)),
+        nothing if given is None or given.measured is None else np.ascontiguousarray(given.measured.reshape(count, -1)),
+        flexed,
     )  # fmt: skip
     steps, updates = tables.steps(active), tables.updates(active_aiding, active)
     rooms = _lane_rooms(tables, count, len(active), len(active_aiding), steps.factors.shape[2], own, noise.drifting)
@@ -564,11 +565,10 @@ def _check_samples(tables: AidedTables, errors: Array, samples: IndexArray, give
     count, measurements = len(errors), tables.loop.measurements
     sources = len(CONSTANTS) + measurements.constants.shape[2]
     check_shapes((("errors", errors, (None, sources)), ("samples", samples, (count,))))
-    if given is not None:
-        check_shapes((
-            ("added", given.added, (count, *tables.ensemble.factors.shape[:2])),
-            ("measured", given.measured, (count, *measurements.components.shape)),
-        ))  # fmt: skip
+    if given is not None and given.added is not None:
+        check_shapes((("added", given.added, (count, *tables.ensemble.factors.shape[:2])),))
+    if given is not None and given.measured is not None:
+        check_shapes((("measured", given.measured, (count, *measurements.components.shape)),))
 
 
 def _share_errors(tables: AidedTables, errors: Array, samples: IndexArray) -> tuple[_Given, IndexArray, IndexArray]:
@@ -736,10 +736,13 @@ def _disturb(
     own, most = lanes.own, updates.components.shape[1]
     if noise.measured:
         disturb(u, m, updates, lanes.white, lanes.drifting, row, own)
-    else:
+    elif len(noise.disturbances) > 0:
         for i in range(LANES):
             for c in range(m):
                 own.disturbance[c, i] = noise.disturbances[begin + min(i, size - 1), u * most + c]
+    else:
+        for c in range(m):
+            store(own.disturbance, c, 0.0)
     if len(noise.flexed) > 0:
         for i in range(LANES):
             for c in range(m):
