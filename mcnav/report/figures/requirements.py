@@ -1,7 +1,8 @@
-"""Requirements over time: the quantile that each limits, with its bounds, linear analysis, and the limit."""
+"""Requirements with their limits: over time the quantile that each limits, at the end the outputs themselves."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -9,10 +10,10 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.requirement_curves import RequirementCurve
 from mcnav.analysis.summary import RequirementEntry
-from mcnav.report.columns.requirements import RADII, RequirementRow, requirement_rows
+from mcnav.report.columns.requirements import RADII, RequirementRow, nominal_of, requirement_rows
 from mcnav.report.drawing.figure import Figure, side_by_side
 from mcnav.report.drawing.gapped import areas, curve, known_ends, upward
-from mcnav.report.drawing.marks import Mark, Panel, Rule, Series, axis, of_requirement
+from mcnav.report.drawing.marks import Line, Mark, Panel, Points, Rule, Series, axis, of_requirement
 from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.names import humanize
@@ -26,6 +27,37 @@ LIMIT: Final = Series("limit", "limit", INK)
 
 LONGEST: Final = 56
 """Characters of a panel's title."""
+
+FARTHEST: Final = 10.0
+"""Multiple of the span of the outputs beyond which a limit is not drawn."""
+
+
+def with_limit(figure: Figure, row: RequirementRow) -> Figure:
+    """Draw the limit of a requirement at the end in a panel of its outputs, whose farthest samples are left out.
+
+    Of one output it is a line on each side that outputs reach, of the distance in two outputs a circle about zero, or
+    about the nominal where that is what the requirement limits.
+    """
+    (panel,), entry = figure.panels, row.entry
+    reaches = panel.reaches()[: len(panel.about)]
+    if entry.kind == "box" or set(panel.about) != set(entry.outputs) or not all(reach.size for reach in reaches):
+        return figure
+    centre = row.scale * nominal_of(row.summary, panel.about) * bool(entry.about)
+    limit = entry.limits[0] * row.scale
+    low, high = (np.array([end(reach) for reach in reaches]) for end in (np.min, np.max))
+    if limit > FARTHEST * np.max(np.maximum(np.abs(low - centre), np.abs(high - centre))):
+        return figure
+    marks = [mark for mark in panel.marks if not (isinstance(mark, Points) and mark.names)]
+    if len(centre) == 1:
+        middle, reach = 0.5 * (low[0] + high[0]) - centre[0], 0.5 * (high[0] - low[0])
+        sides = [side for side in (-1.0, 1.0) if side * middle >= -0.5 * reach]
+        marks += [Rule(float(centre[0] + side * limit), colour=INK, width=1.8) for side in sides]
+    else:
+        angle = np.linspace(0.0, 2.0 * np.pi, 121)
+        marks.append(Line(LIMIT, centre[0] + limit * np.cos(angle), centre[1] + limit * np.sin(angle), 1.8))
+    kept = {mark.series for mark in marks if isinstance(mark, Points)}
+    key = [series for series in figure.key if series.kind != "dot" or series in kept]
+    return replace(figure, panels=[replace(panel, marks=marks, even=len(centre) > 1)], key=[*key, LIMIT])
 
 
 def requirements_over_time(content: RunAnalysis) -> Figure | None:

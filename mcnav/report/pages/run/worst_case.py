@@ -9,6 +9,7 @@ from mcnav.analysis.summary import FilterSummary
 from mcnav.report.document.parts import Tile
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.marks import of_requirement
+from mcnav.report.figures.requirements import with_limit
 from mcnav.report.figures.sigma_ratios import sigma_ratios_over_time
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.fields import worst_departure
@@ -39,8 +40,15 @@ def worst_case(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile) ->
         panels = [] if figure is None else [panel for panel in figure.panels if set(about) <= set(panel.about)]
         if figure is not None and panels:
             shows = figure.shows if len(figure.panels) == 1 else f"{tile.value} {tile.of}.".lstrip()
-            return replace(figure, panels=panels[:1], shown=0, shows=shows)
+            shown = replace(figure, panels=panels[:1], shown=0, shows=shows)
+            return _with_limit(shown, content) if subject == "Requirements" and about else shown
     return None
+
+
+def _with_limit(figure: Figure, content: RunAnalysis) -> Figure:
+    """Draw the limit of the worst requirement in the outputs that it limits, where that is what a figure shows."""
+    row = worst_requirement(content.summary, content.time_unit)
+    return with_limit(figure, row) if row is not None and figure.name in ("histograms", "scatter") else figure
 
 
 def _wanted(content: RunAnalysis, subject: str) -> Iterator[Wanted]:
@@ -56,7 +64,8 @@ def _wanted(content: RunAnalysis, subject: str) -> Iterator[Wanted]:
             if row is not None and row.entry.outputs and row.entry.kind != "sigma_ratio":
                 yield "requirements_over_time", [of_requirement(row.number)]
                 yield "tails", [of_requirement(row.number)]
-                yield "scatter", row.entry.outputs
+                if len(row.entry.outputs) > 1:
+                    yield "scatter", row.entry.outputs
                 yield "histograms", row.entry.outputs[:1]
             else:
                 yield "ratios", ()
