@@ -239,7 +239,7 @@ def page(
     sections.append(Section("budget", "Error budget", budgets))
     heading = ", ".join(titles)
     verdict, most = _changed(titles, rows), ratios(_changed_most(rows), titles)
-    verdict = replace(verdict, sentences=[*_changed_verdicts(titles, summaries), *verdict.sentences])
+    verdict = replace(verdict, sentences=[*changed_verdicts(titles, summaries), *verdict.sentences])
     head = joined(verdict, _inputs_in_brief(manifests))
     return answered(Page(heading, "Comparison of runs", heading, head, sections=sections), most, RESULTS)
 
@@ -287,7 +287,7 @@ def _changed(titles: Sequence[str], rows: Sequence[Row]) -> Verdict:
     )  # fmt: skip
 
 
-def _changed_verdicts(titles: Sequence[str], summaries: Sequence[Summary]) -> list[str]:
+def changed_verdicts(titles: Sequence[str], summaries: Sequence[Summary]) -> list[str]:
     """Say which verdicts differ between the runs: on the filter, on requirements, on linear analysis.
 
     A verdict in which a run has no part is not compared.
