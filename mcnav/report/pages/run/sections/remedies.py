@@ -129,7 +129,7 @@ def fix_name(remedies: Remedies | None, subject: str = "") -> str:
     whole = remedies.best is None or remedies.best.mends
     other = remedies.failing == "filter" and subject not in ("", "filter")
     if other:
-        return "Fix of the filter" if whole else "Helps the filter most"
+        return "Fix of the filter" if whole else "Helps the filter"
     return "Fix" if whole else "Helps most"
 
 
