@@ -37,10 +37,10 @@ def cause_words(name: str) -> str:
     """Name a cause for people.
 
     >>> cause_words("mean_of_gyro_bias"), cause_words("mean_of_nominal_errors")
-    ('mean of gyro bias', 'errors without a source, such as faults')
+    ('mean of gyro bias', 'faults or other errors without a source')
     """
     if name.removeprefix(MEAN) == NOMINAL:
-        return "errors without a source, such as faults"
+        return "faults or other errors without a source"
     return name.replace("_", " ")
 
 

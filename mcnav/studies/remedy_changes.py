@@ -84,8 +84,8 @@ def changes_of_numbers(
         except CampaignError:
             continue
         size = shown(values[number.path])
-        grade = f" ({each.grade} grade)" if each.grade else ""
-        yield Change(f"{number.path} at {size}{grade}", f"{number.path} = {size}", own, number.path)
+        beside = ", ".join([*([f"{each.grade} grade"] if each.grade else []), f"now {shown(number.entry)}"])
+        yield Change(f"{number.path} at {size} ({beside})", f"{number.path} = {size}", own, number.path)
 
 
 def changes_of_sensors(content: Mapping[str, Any]) -> Iterator[Change]:

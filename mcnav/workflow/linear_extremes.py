@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mcnav.analysis.budget import error_budget
 from mcnav.analysis.linear_covariance import NOMINAL
 from mcnav.analysis.linear_range import BeyondRange, find_beyond
 from mcnav.analysis.mean_errors import departures
@@ -72,8 +71,10 @@ def explain(result: RequirementResult, linear: RecordedModel, beyond: BeyondRang
         nominal = model.nominal
         added = {name: np.diag(process) for name, process in model.processes.items()}
     names = [source.name for source in record.sources]
-    squares = error_budget(partials, model.covariance).contributions ** 2
-    variances = {name: squares[:, k] for k, name in enumerate(names) if squares[:, k].any()} | added
+    # half of what its correlations add is a source's own at the end, and over time no source's, as in `mcnav lincov`
+    crossed = model.covariance if not result.requirement.epochs else np.diag(np.diag(model.covariance))
+    parts = partials * (partials @ crossed)
+    variances = {name: parts[:, k] for k, name in enumerate(names) if parts[:, k].any()} | added
     means = {name: partials[:, k] * model.mean[k] for k, name in enumerate(names) if model.mean[k]}
     means[NOMINAL] = departures(record.outputs, nominal, nominal)
     mean = departures(record.outputs, mean, nominal)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from itertools import combinations
 from pathlib import Path
@@ -289,7 +290,9 @@ def test_the_command(tmp_path: Path) -> None:
     assert finished.returncode == 0
     assert "The requirement is met by 1,600 samples" in finished.stdout
     assert "may be" in finished.stdout
-    assert (tmp_path / "out" / "allocate.html").exists()
+    page = (tmp_path / "out" / "allocate.html").read_text()
+    shown = page[: page.index('<details class="fold"')]
+    assert re.search(r"at most [\d.,]+ k?m, limit ", shown)  # as the samples show it, of which the verdict is
     refused = invoke("allocate", CAMPAIGNS / "14_polar.toml", cwd=tmp_path)
     assert refused.returncode == 2
     assert "accept: is missing; add" in refused.stderr

@@ -13,6 +13,7 @@ from mcnav.report.columns.requirements import requirement_rows
 from mcnav.report.figures.brief import limit_to_causes
 from mcnav.report.format import number, rounded
 from mcnav.store.run_folder import RunFolder
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.workflow.analyse import analyse
 from tests.commands import invoke
 from tests.conftest import ROOT
@@ -97,3 +98,15 @@ def test_mistakes_are_one_line(arguments: list[str], told: str, place: Path) -> 
     assert done.returncode != 0
     assert done.stderr.count("\n") == 1
     assert told in done.stderr
+
+
+def test_a_run_and_linear_covariance_name_the_same_causes(place: Path) -> None:
+    """Sources are correlated: half of a cross-term is either's, so that shares add up to one in both."""
+    correlated = HOVER + '[[correlations]]\nbetween = ["gyro_drift", "misalignment"]\ncoefficient = -0.5\n'
+    (place / "correlated.toml").write_text(correlated, encoding="utf-8")
+    campaign = read_campaign(place / "correlated.toml")
+    simulate(campaign, place / "correlated", None, 1)
+    (entry,) = analyse(RunFolder(place / "correlated")).summary.requirements
+    expected = {cause.name: cause.share for cause in answer_linearly(campaign).requirement_causes(0)}
+    assert {cause.name: cause.share for cause in entry.causes} == pytest.approx(expected, rel=1e-9)
+    assert sum(expected.values()) == pytest.approx(1.0, abs=2e-3)  # either source is left out below 0.001

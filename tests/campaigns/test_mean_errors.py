@@ -14,15 +14,19 @@ import numpy as np
 import pytest
 import tomli_w
 
-from mcnav.config.read import parse_campaign
+from mcnav.config.read import parse_campaign, read_campaign
 from mcnav.report.columns.output_columns import outputs_frame
+from mcnav.report.figures.lincov import sigmas
+from mcnav.report.pages.lincov import statements as said_by_linear_analysis
 from mcnav.report.statements.means import large_means_of, mean_sentence
 from mcnav.report.statements.verdicts import standing, statements, tone
+from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.linear_covariance import linear_covariance
 from mcnav.studies.sweep import SweepPlan, run_sweep
 from mcnav.workflow.compare import compare_runs
 from mcnav.workflow.run import run_campaign
 from tests.commands import in_process
+from tests.conftest import ROOT
 
 ERRORS = {
     "altitude": "5 km", "range": "0.5 km", "altitude_rate": "0.5 m/s", "range_rate": "0.02 m/s",
@@ -166,3 +170,16 @@ def test_statements_begin_with_the_mean(switched: Path) -> None:
     assert [mean.output for mean in large_means_of(done.results)] == [0, 2, 1, 3]
     answer = linear_covariance(reentry("80 km"))
     assert answer.mean[0] / 1e3 == pytest.approx(ALTITUDE, abs=0.005)
+
+
+def test_a_filter_that_fails_is_said_before_its_mean_errors() -> None:
+    """As on the page of a run; the figure shows root mean squares, in which the ramp of the receiver is seen."""
+    answer = answer_linearly(read_campaign(ROOT / "campaigns" / "31_flight_with_a_faulty_receiver.toml"))
+    first, second, *_ = said_by_linear_analysis(answer)
+    assert first[0].startswith("The filter is optimistic from 41 min on")
+    assert second[0].startswith("The mean error of heading")
+    figure = sigmas(answer, {})
+    assert figure is not None
+    assert answer.filter is not None
+    own, size = (figure.columns[f"position east, {words} [m]"] for words in ("filter's 1σ", "rms"))
+    assert np.max(size / own) == pytest.approx(answer.filter.factor, rel=1e-6)

@@ -173,10 +173,10 @@ def test_where_linear_analysis_fails_samples_confirm_or_nothing_is_said(tmp_path
     withheld = known(content)
     assert not withheld.listed
     assert "mcnav report --remedies" in withheld.reason
-    assert set(withheld.withheld) == {"errors.x at 0.5 m", "errors.v at 0.5 m"}
+    assert set(withheld.withheld) == {"errors.x at 0.5 m (now 1 m)", "errors.v at 0.5 m (now 1 m)"}
     kept = all_remedies(content, tmp_path / "bent.toml", 1)
     assert kept is not None
-    assert [remedy.words for remedy in kept.listed] == ["errors.x at 0.5 m"]
+    assert [remedy.words for remedy in kept.listed] == ["errors.x at 0.5 m (now 1 m)"]
     assert kept.listed[0].simulated == "met"
     assert exact_quantile(0.5, 1.0) < 3.0 < exact_quantile(1.0, 0.5)
     unexecuted = all_remedies(content, None, 1)

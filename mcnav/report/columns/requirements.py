@@ -20,6 +20,7 @@ from mcnav.statistics.demonstration import runs_to_show
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import RequirementEntry, Summary
+    from mcnav.arrays.types import Array
 
 RADII: Final = {
     "cep": "circular error probable",
@@ -62,6 +63,12 @@ def stated(entry: NamedRequirement | RequirementEntry, shown_in: Mapping[str, tu
         scale, unit = shown_in[name]
         sides.append(f"|{humanize(name)}| below {limit * scale:g} {unit}".rstrip())
     return f"{' and '.join(sides)} in {100.0 * (entry.probability or 0.0):g} % of samples{when}"
+
+
+def nominal_of(summary: Summary, names: Sequence[str]) -> Array:
+    """Return the nominal of outputs by name, SI; zero of errors."""
+    nominal = dict(zip(summary.names, summary.nominal, strict=False))
+    return np.array([nominal.get(name) or 0.0 for name in names])
 
 
 def requirement_causes(summary: Summary, entry: RequirementEntry) -> list[tuple[str, float]]:

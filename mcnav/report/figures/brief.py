@@ -11,6 +11,7 @@ from mcnav.report.columns.requirements import RequirementRow, cause_label
 from mcnav.report.drawing.figure import HALF, Figure
 from mcnav.report.drawing.marks import Axis, Bars, Mark, Panel, Rule, Series
 from mcnav.report.drawing.palette import FLOWN, INK, LINEAR
+from mcnav.report.statements.requirements import margin
 
 LISTED: Final = 7
 """Causes that are named; the others stand together."""
@@ -27,16 +28,17 @@ TOTAL, PART = Series("total", "all causes", LINEAR, "area"), Series("part", "one
 def limit_to_causes(row: RequirementRow) -> Figure | None:
     """Draw what each cause adds to the mean square of the errors that a requirement limits, and what the limit allows.
 
-    Where errors are normal, their quantiles are in proportion to the root of their mean square. The value is what the
+    Quantiles of normal errors about the nominal are in proportion to the root of their mean square. The value is what
     samples bound it by, where they do: linear analysis may be wrong. None where the causes or the estimate
     are not known, or the requirement is on no size of errors.
     """
     entry = row.entry
     measured = measured_scale(entry)
     value = (entry.linear or 0.0) * measured if np.isfinite(measured) else entry.linear or entry.estimate
-    if not entry.causes or value is None or entry.kind in ("box", "sigma_ratio") or not entry.limits:
+    multiple = margin(row, value)
+    if not entry.causes or value is None or multiple is None:
         return None
-    allowed = 100.0 * (entry.limits[0] / value) ** 2
+    allowed = 100.0 * multiple**2
     named = [(cause_label(row.summary, cause.name), cause.share) for cause in entry.causes if cause.share > NEGLIGIBLE]
     named = named[:LISTED]
     rest = 1.0 - sum(share for _, share in named)

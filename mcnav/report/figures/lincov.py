@@ -28,6 +28,7 @@ Outages = Mapping[str, Sequence[tuple[float, float]]]
 """Begin and end of the outages of each sensor, in the unit of the history's times."""
 
 TRUE: Final = Series("linear", "linear, 1σ", LINEAR)
+ABOUT_ZERO: Final = Series("linear", "linear, root mean square", LINEAR)
 STATED: Final = Series("filter", "filter, 1σ", FILTER)
 LIMIT: Final = Series("limit", "limit", INK)
 SIZE: Final = Series("size", "linear", LINEAR)
@@ -62,30 +63,39 @@ def _moving(history: LinearCovariance) -> list[int]:
 
 
 def sigmas(answer: LinearAnswer, outages: Outages) -> Figure | None:
-    """Draw sigma of every output over time, with that of the filter; none without a history."""
+    """Draw sigma of every output over time, with that of the filter; none without a history.
+
+    Where a mean navigation error exceeds its sigma, true sizes are root mean squares about zero.
+    """
     history = answer.meaningful
     if history is None or not _moving(history):
         return None
     label, times, scale = history.readings.label, history.readings.times, scale_of(answer.outputs)
     shaded = _shading(outages, label)
+    means = np.where([output.of == "navigation" for output in answer.outputs], np.nan_to_num(history.mean), 0.0)
+    large = bool(np.any((np.abs(means) > history.sigma) & (history.sigma > 0.0)))
+    sizes, series, measure = (np.hypot(history.sigma, means), ABOUT_ZERO, "rms") if large else (
+        history.sigma, TRUE, "1σ"
+    )  # fmt: skip
     columns: dict[str, Array] = {label: times}
     panels = []
     for i in _moving(history):
         name, unit = humanize(answer.outputs[i].name), answer.outputs[i].shown_in
-        marks: list[Mark] = [*shaded, Line(TRUE, times, history.sigma[:, i] * scale[i], 3.2)]
-        columns[f"{name}, 1σ [{unit}]"] = history.sigma[:, i] * scale[i]
+        marks: list[Mark] = [*shaded, Line(series, times, sizes[:, i] * scale[i], 3.2)]
+        columns[f"{name}, {measure} [{unit}]"] = sizes[:, i] * scale[i]
         if history.sigma_filter is not None:
             marks.append(Line(STATED, times, history.sigma_filter[:, i] * scale[i], 1.4))
             columns[f"{name}, filter's 1σ [{unit}]"] = history.sigma_filter[:, i] * scale[i]
-        panels.append(Panel(name, axis(label, margin=0.0, link=True), Axis("1σ", unit, low=0.0), marks))
+        panels.append(Panel(name, axis(label, margin=0.0, link=True), Axis(measure, unit, low=0.0), marks))
     filtered = history.sigma_filter is not None
     return Figure(
         name="sigmas",
-        title="Linear sigma over time",
-        description="Standard deviation of each output over time by linear analysis"
+        title="Linear root mean square over time" if large else "Linear sigma over time",
+        description=("Root mean square" if large else "Standard deviation")
+        + " of each output over time by linear analysis"
         + (", and that which the filter states." if filtered else "."),
         panels=panels,
-        key=(TRUE, *([STATED] if filtered else []), *shading_key(shaded)),
+        key=(series, *([STATED] if filtered else []), *shading_key(shaded)),
         columns=columns,
         size=side_by_side(len(panels)),
         caption="Two values at a time are those before and after its updates." if filtered else "",

@@ -1,7 +1,8 @@
-"""Requirements over time: the quantile that each limits, with its bounds, linear analysis, and the limit."""
+"""Requirements with their limits: over time the quantile that each limits, at the end the outputs themselves."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -9,14 +10,16 @@ from numpy.typing import NDArray
 
 from mcnav.analysis.requirement_curves import RequirementCurve
 from mcnav.analysis.summary import RequirementEntry
-from mcnav.report.columns.requirements import RADII, RequirementRow, requirement_rows
-from mcnav.report.drawing.figure import Figure, side_by_side
+from mcnav.report.columns.requirements import RADII, RequirementRow, nominal_of, requirement_rows
+from mcnav.report.drawing.figure import HALF, Figure, side_by_side
 from mcnav.report.drawing.gapped import areas, curve, known_ends, upward
-from mcnav.report.drawing.marks import Mark, Panel, Rule, Series, axis, of_requirement
+from mcnav.report.drawing.marks import Axis, Line, Mark, Panel, Points, Rule, Series, axis, of_requirement
 from mcnav.report.drawing.palette import AREA, FLOWN, INK, LINEAR
+from mcnav.report.figures.dispersion import FLIGHTS, SCATTERED, ellipses
 from mcnav.report.figures.outages import outages, shading_key
 from mcnav.report.names import humanize
 from mcnav.report.results.model import RunAnalysis
+from mcnav.report.statements.requirements import named_together
 
 ESTIMATE: Final = Series("flown", "Monte Carlo", FLOWN)
 BOUNDS: Final = Series("bounds", "bounds", AREA, "area")
@@ -24,8 +27,66 @@ BY_LINEAR: Final = Series("linear", "linear", LINEAR)
 LIMIT: Final = Series("limit", "limit", INK)
 
 
+ELLIPSE: Final = Series("linear", "linear, 3 sigma", LINEAR)
 LONGEST: Final = 56
 """Characters of a panel's title."""
+
+FARTHEST: Final = 10.0
+"""Multiple of the span of the outputs beyond which a limit is not drawn."""
+
+
+def with_limit(figure: Figure, row: RequirementRow) -> Figure:
+    """Draw the limit of a requirement at the end in a panel of its outputs, whose farthest samples are left out.
+
+    Of one output it is a line on each side that outputs reach, of the distance in two outputs a circle about zero, or
+    about the nominal where that is what the requirement limits.
+    """
+    (panel,), entry = figure.panels, row.entry
+    reaches = panel.reaches()[: len(panel.about)]
+    if entry.kind == "box" or set(panel.about) != set(entry.outputs) or not all(reach.size for reach in reaches):
+        return figure
+    centre = row.scale * nominal_of(row.summary, panel.about) * bool(entry.about)
+    limit = entry.limits[0] * row.scale
+    low, high = (np.array([end(reach) for reach in reaches]) for end in (np.min, np.max))
+    if limit > FARTHEST * np.max(np.maximum(np.abs(low - centre), np.abs(high - centre))):
+        return figure
+    marks = [mark for mark in panel.marks if not (isinstance(mark, Points) and mark.names)]
+    if len(centre) == 1:
+        middle, reach = 0.5 * (low[0] + high[0]) - centre[0], 0.5 * (high[0] - low[0])
+        sides = [side for side in (-1.0, 1.0) if side * middle >= -0.5 * reach]
+        marks += [Rule(float(centre[0] + side * limit), colour=INK, width=1.8) for side in sides]
+    else:
+        angle = np.linspace(0.0, 2.0 * np.pi, 121)
+        marks.append(Line(LIMIT, centre[0] + limit * np.cos(angle), centre[1] + limit * np.sin(angle), 1.8))
+        reach = 1.05 * max(limit, float(np.max(high - centre)), float(np.max(centre - low)))
+        x, y = (replace(along, low=place - reach, high=place + reach)
+                for along, place in zip((panel.x, panel.y), centre.tolist(), strict=True))  # fmt: skip
+        panel = replace(panel, x=x, y=y, even=True)
+    kept = {mark.series for mark in marks if isinstance(mark, Points)}
+    key = [series for series in figure.key if series.kind != "dot" or series in kept]
+    return replace(figure, panels=[replace(panel, marks=marks)], key=[*key, LIMIT])
+
+
+def landing(content: RunAnalysis, row: RequirementRow) -> Figure | None:
+    """Draw the samples in the two outputs that a requirement limits, with the linear ellipse; none of other numbers."""
+    names, limited = [output.name for output in content.manifest.model.outputs], row.entry.outputs
+    if len(limited) != 2 or row.entry.kind == "box" or not len(content.flown):
+        return None
+    pair = [names.index(name) for name in limited]
+    scale, points = content.output_scale[pair], content.flown[:: max(1, -(-len(content.flown) // SCATTERED)), pair]
+    covariance = content.comparison.covariance_linear[np.ix_(pair, pair)] * np.outer(scale, scale)
+    centre = content.model.outcome_mean[pair] * scale
+    x, y = (Axis(name, content.output_units[k]) for name, k in zip(named_together(limited), pair, strict=True))
+    marks = [Points(FLIGHTS, points[:, 0], points[:, 1], 1.8, 0.6), *ellipses(ELLIPSE, centre, covariance)[1:]]
+    return Figure(
+        name="scatter",
+        title="Outputs that a requirement limits",
+        description=f"{len(points):,} samples with the linear ellipse of three sigma, and the limit.",
+        panels=[Panel("", x, y, marks, about=limited)],
+        key=(FLIGHTS, ELLIPSE),
+        columns={},
+        size=HALF,
+    )
 
 
 def requirements_over_time(content: RunAnalysis) -> Figure | None:

@@ -14,7 +14,7 @@ from mcnav.analysis.remedies import DOUBTED
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import RequirementEntry
 from mcnav.report.columns.requirements import TONES
-from mcnav.report.document.parts import Folded, Note, Page, Part, Section, Sentence, Verdict, joined
+from mcnav.report.document.parts import Findings, Folded, Note, Page, Part, Section, Sentence, Verdict, joined
 from mcnav.report.document.table import CODE, WRAPPED, Cell, Column, Table
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures import allocate as drawn
@@ -31,6 +31,7 @@ from mcnav.report.pages.lincov import (
 from mcnav.report.pages.screen import answered
 from mcnav.report.statements.details import remarks_in
 from mcnav.report.statements.lincov import large_mean_words
+from mcnav.report.statements.requirements import limited_in_brief
 from mcnav.report.statements.words import several
 
 EXPLANATION: Final = "Linear analysis for normal errors."
@@ -247,7 +248,7 @@ def simulated_words(allocation: Allocation, entry: RequirementEntry | None) -> s
             f"beyond at most {entry.exceedance.high:.2e}"
         )  # fmt: skip
     scale, unit = units_shown(allocation.answer.outputs)[entry.outputs[0]]
-    return f"at most {number(high * scale)} {unit}"
+    return f"at most {number(high * scale)} {unit}".rstrip()
 
 
 def change_row(allocation: Allocation, goal: Goal, change: NumberChange) -> ChangeRow:
@@ -485,7 +486,7 @@ def page(allocation: Allocation) -> Page:
     """Return the page."""
     words, tone = standing(allocation)
     name = allocation.answer.campaign
-    asked = requirements_in_brief(allocation.answer)
+    asked = _asked(allocation)
     sections = [_goal_section(allocation, goal, place) for place, goal in enumerate(allocation.goals, start=1)]
     if allocation.grades is not None:
         table = grade_table(allocation, allocation.grades)
@@ -495,6 +496,7 @@ def page(allocation: Allocation) -> Page:
         *remarks_in(allocation.answer.remarks),
         *examined_words(allocation),
         *freedom_words(allocation),
+        *([] if allocation.grades is None else [grade_words(allocation.grades)]),
         basis_words(allocation),
         EXPLANATION,
     ]
@@ -503,6 +505,30 @@ def page(allocation: Allocation) -> Page:
         [*_mean_errors(allocation), Verdict(words, tone, explained), asked], sections,
         [Note(f"{allocation.computed:,} linear answers were computed. {CHECKED}")],
     ), _foremost(allocation), "Requirements")  # fmt: skip
+
+
+def _asked(allocation: Allocation) -> Findings:
+    """List the requirements as samples of the campaign show them, which the verdict is on; else by linear analysis."""
+    basis, brief = allocation.basis, requirements_in_brief(allocation.answer)
+    if basis is None:
+        return brief
+    rows = []
+    for (_, _, linear), requirement, entry in zip(
+        brief.entries, allocation.answer.requirements, basis.entries, strict=True
+    ):
+        name, (_, limit) = limited_in_brief(entry), value_words(allocation, requirement)
+        words = linear if entry.kind == "sigma_ratio" else f"{name}: {_bound_words(allocation, entry)}, limit {limit}"
+        rows.append((entry.finding, TONES[entry.finding], words))
+    return replace(brief, entries=rows)
+
+
+def _bound_words(allocation: Allocation, entry: RequirementEntry) -> str:
+    """Format the bound of a requirement that its finding rests on: the lower one of a size that is not met."""
+    low = entry.interval[0]
+    if entry.finding != "not met" or entry.kind == "box" or low is None:
+        return simulated_words(allocation, entry)
+    scale, unit = units_shown(allocation.answer.outputs)[entry.outputs[0]]
+    return f"at least {number(low * scale)} {unit}".rstrip()
 
 
 def _foremost(allocation: Allocation) -> Figure | None:

@@ -21,7 +21,7 @@ from mcnav.report.pages.run.page import figures
 from mcnav.report.pages.run.sections.remedies import ALL_REMEDIES, remedies_section
 from mcnav.report.pages.run.tiles import NAMES, tiles
 from mcnav.report.results.model import RunAnalysis
-from mcnav.report.statements.requirements import worst_requirement
+from mcnav.report.statements.requirements import margin, worst_requirement
 from mcnav.report.statements.words import listed
 
 LISTED: Final = 3
@@ -75,11 +75,9 @@ def _requirements(content: RunAnalysis, links: Links) -> Section | None:
     if not rows:
         return None
 
-    def margin(row: RequirementRow) -> str:
-        entry = row.entry
-        if entry.kind in ("box", "sigma_ratio") or not entry.estimate:
-            return "–"
-        return MULTIPLE(rounded(entry.limits[0] / entry.estimate))
+    def multiple(row: RequirementRow) -> str:
+        known = margin(row)
+        return "–" if known is None else MULTIPLE(rounded(known))
 
     def bounds(row: RequirementRow) -> str:
         low, high = row.entry.interval
@@ -89,7 +87,7 @@ def _requirements(content: RunAnalysis, links: Links) -> Section | None:
         Column("Requirement", lambda row: row.words, kind="words"),
         Column("Finding", lambda row: Cell(row.entry.finding, tone=row.tone), kind="label"),
         Column("Monte Carlo", lambda row: Cell(row.shown(row.entry.estimate, "–"), below=bounds(row))),
-        Column("Limit over estimate", margin),
+        Column("Errors may be", multiple),
         Column("Linear", lambda row: row.linear),
         Column("Largest causes", lambda row: listed(row.causes), kind="words"),
     ]

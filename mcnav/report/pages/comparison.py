@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
@@ -25,7 +25,7 @@ from mcnav.report.figures import comparisons
 from mcnav.report.format import interval, number, rounded, with_error
 from mcnav.report.names import humanize, labels_in
 from mcnav.report.pages.screen import RESULTS, answered
-from mcnav.report.statements import details, verdicts
+from mcnav.report.statements import details, fields, verdicts
 from mcnav.report.statements.words import TONES
 from mcnav.statistics.estimates import Estimate
 from mcnav.store.manifest import Manifest
@@ -53,7 +53,10 @@ FIRST: Final = 18
 """Lines of outputs and runs that the figure of the first screen has room for."""
 
 NAMED: Final = 3
-"""Inputs that differ that the first screen names."""
+"""Inputs that differ, and runs, that the first screen names."""
+
+OF_SAMPLING: Final = ("samples", "seed")
+"""Inputs that it names after those that change the errors."""
 
 LONGEST: Final = 40
 """Characters of a value of them."""
@@ -236,6 +239,7 @@ def page(
     sections.append(Section("budget", "Error budget", budgets))
     heading = ", ".join(titles)
     verdict, most = _changed(titles, rows), ratios(_changed_most(rows), titles)
+    verdict = replace(verdict, sentences=[*changed_verdicts(titles, summaries), *verdict.sentences])
     head = joined(verdict, _inputs_in_brief(manifests))
     return answered(Page(heading, "Comparison of runs", heading, head, sections=sections), most, RESULTS)
 
@@ -245,6 +249,7 @@ def _inputs_in_brief(manifests: Sequence[Manifest]) -> Facts | None:
     rows = [(str(key), [shortened(value) for value in values]) for key, values in inputs(manifests).iterrows()]
     if not rows:
         return None
+    rows.sort(key=lambda row: row[0] in OF_SAMPLING)
     entries = [
         (key, " → ".join(values).replace(ABSENT, "absent") if max(map(len, values)) <= LONGEST else "changed")
         for key, values in rows[:NAMED]
@@ -280,6 +285,23 @@ def _changed(titles: Sequence[str], rows: Sequence[Row]) -> Verdict:
         f"{subject} than in {titles[0]}.", "undecided",
         [f"Largest change: {most.title} in {titles[most.run]}, {rounded(most.known.ratio)} times."],
     )  # fmt: skip
+
+
+def changed_verdicts(titles: Sequence[str], summaries: Sequence[Summary]) -> list[str]:
+    """Say which verdicts differ between the runs: on the filter, on requirements, on linear analysis.
+
+    A verdict in which a run has no part is not compared.
+    """
+    subjects = {
+        "Filter": [summary.filter.verdict if summary.filter else "" for summary in summaries],
+        "Requirements": [fields.counts(summary) for summary in summaries],
+        "Linear analysis": [verdicts.tone(summary) for summary in summaries],
+    }
+    return [
+        f"{subject}: {', '.join(f'{words} in {title}' for words, title in zip(said, titles, strict=True))}."
+        for subject, said in subjects.items()
+        if len(set(said)) > 1 and all(said) and len(said) <= NAMED
+    ]
 
 
 def terminal(

@@ -89,7 +89,8 @@ def _verdict(comparison: KindComparison) -> Verdict:
     for kind, begin in comparison.optimistic_from.items():
         at = None if begin is None else shown(comparison.variable, begin)
         words.append(f"{kind}: {'nowhere certainly optimistic' if at is None else f'optimistic from {at} on'}")
-    return Verdict(f"Over {comparison.variable.path}: {'; '.join(words)}.", "")
+    said = [*_worst_ratio(comparison), *_more(comparison)]
+    return Verdict(f"Over {comparison.variable.path}: {'; '.join(words)}.", "", said)
 
 
 def _standing(result: KindResult) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
@@ -20,9 +21,14 @@ from mcnav.report.document.table import Cell, Column, Table
 from mcnav.report.format import number
 from mcnav.report.names import humanize
 from mcnav.report.statements.words import several
+from mcnav.statistics import proportions
 
 NAMED: Final = 2
 """Numbers that a sentence names; the table has all."""
+
+CONFIDENCE: Final = 0.95
+MORE: Final = 1_000
+"""Confidence of an interval, and records to simulate at least where few do not decide."""
 
 TWICE: Final = FACTORS.index(2.0)
 
@@ -179,22 +185,51 @@ def verdict(judgement: Judgement) -> Verdict:
     """Return the verdict in large type and the sentences below it."""
     chance = _share(judgement.probability, judgement.simulated)
     compared = f"of {judgement.simulated:,} records simulated by the campaign, {chance} are as unusual as this one"
+    few = _too_few(judgement)
     if not judgement.alarm:
         headline = "Nothing in this record is at odds with the campaign."
-        return Verdict(headline, "agrees", (f"{_capital(compared)}; below 5 % would be an alarm.", *power(judgement)))
+        usual = f"{_capital(compared)}; below 5 % would be an alarm."
+        return Verdict(headline, "agrees", (usual, *few, *power(judgement)))
     if judgement.findings and not judgement.explained:
         return _unexplained(judgement, f"{_capital(compared)}.")
     if not judgement.findings:
         headline = "This record is at odds with the campaign, and no single number of the campaign explains it."
-        return Verdict(headline, "differs", (f"{_capital(compared)}.", *correlated(judgement), *power(judgement)))
+        told = [f"{_capital(compared)}.", *few, *_farthest(judgement), *correlated(judgement)]
+        return Verdict(headline, "differs", (*told, *power(judgement)))
     first = judgement.findings[0]
-    sentences = [f"{_capital(compared)}."]
+    sentences = [f"{_capital(compared)}.", *few]
     sentences += [f"Besides, {words(finding)}." for finding in judgement.findings[1:]]
     sentences += _moves(judgement)
     sentences.append(_left(judgement.findings[-1], len(judgement.findings), judgement.simulated))
     if judgement.findings[-1].left <= LEVEL:
         sentences += correlated(judgement)
     return Verdict(f"{_capital(words(first))}.", "differs", (*sentences, *power(judgement)))
+
+
+def _too_few(judgement: Judgement) -> list[str]:
+    """Say that simulated records do not decide between an alarm and none; nothing where they do.
+
+    They are as unusual as the record with a probability whose interval has the level of an alarm in it.
+    """
+    count, unusual = judgement.simulated, round(judgement.probability * (judgement.simulated + 1.0)) - 1
+    low, high = proportions.probability_interval(max(unusual, 0), count, CONFIDENCE)
+    if not low < LEVEL < high:
+        return []
+    ends = f"{number(100.0 * low, 2)} to {number(100.0 * high, 2)} %"
+    return [
+        f"That is {ends} at {100.0 * CONFIDENCE:g} % confidence: judge again with --records {max(MORE, 10 * count)}."
+    ]
+
+
+def _farthest(judgement: Judgement) -> list[str]:
+    """Name the size whose interval is farthest from what the campaign has; nothing where all contain it."""
+    known = [(cause, cause.factor) for cause in judgement.causes if cause.factor is not None and not cause.absent]
+    off = [(cause, factor) for cause, factor in known if not factor.low <= 1.0 <= factor.high and factor.low > 0.0]
+    if not off:
+        return []
+    cause, factor = max(off, key=lambda pair: abs(math.log(pair[1].value)) / math.log(pair[1].high / pair[1].low))
+    ends = f"{number(factor.low, 3)} to {number(factor.high, 3)}"
+    return [f"Farthest off is {plain_name(cause.name)}, {number(factor.value, 3)} times ({ends})."]
 
 
 def _unexplained(judgement: Judgement, compared: str) -> Verdict:

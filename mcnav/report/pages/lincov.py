@@ -20,7 +20,7 @@ from mcnav.report.columns.gates import rejection_words
 from mcnav.report.columns.requirements import TONES, NamedRequirement, stated
 from mcnav.report.document.parts import Findings
 from mcnav.report.drawing.axis_groups import stem
-from mcnav.report.figures.lincov import cause_labels, short_name
+from mcnav.report.figures.lincov import cause_labels
 from mcnav.report.format import number
 from mcnav.report.names import scale_of, unit_words
 from mcnav.report.statements.box import box_words
@@ -36,6 +36,7 @@ from mcnav.report.statements.lincov import (
     size_words,
     worst_first,
 )
+from mcnav.report.statements.requirements import limited_in_brief
 
 COARSEST_SHARE: Final = 0.001
 """Smallest share of a variance that is listed."""
@@ -84,7 +85,7 @@ def headline(answer: LinearAnswer) -> tuple[str, str]:
 
 
 def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
-    """List what linear analysis says, in sentences with their tones: mean errors above one sigma, then the worst.
+    """List what linear analysis says, in sentences with their tones: what fails, mean errors above one sigma, the rest.
 
     Requirements that are met follow what fails; they are not green where linear analysis was not examined.
     """
@@ -97,10 +98,10 @@ def statements(answer: LinearAnswer) -> list[tuple[str, str]]:
     if judged or answer.beyond is None:
         words, tone = headline(answer)
         if judged and tone == "agrees" and not (answer.box is not None and answer.box.varies):
-            failing, others = parted(worst_first(said))
-            return [*large, *failing, (words, "" if answer.unexamined else tone), *others]
+            failing, others = parted(worst_first([*large, *said]))
+            return [*failing, (words, "" if answer.unexamined else tone), *others]
         said.append((words, tone))
-    return [*large, *worst_first(said)]
+    return worst_first([*large, *said])
 
 
 def parted(sentences: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
@@ -193,20 +194,15 @@ class ContributorRow:
 def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
     """List the requirements with their linear values."""
     units = units_shown(answer.outputs)
-    names = list(units)
     label = "" if answer.history is None else answer.history.readings.label
     rows = []
     for place, requirement in enumerate(answer.requirements):
-        required = requirement.requirement
-        limited = [names[i] for i in required.outputs]
-        entry = NamedRequirement(
-            required.kind, limited, required.limits, required.probability, required.when, required.about
-        )
+        entry = named_requirement(requirement, answer)
         rows.append(RequirementRow(
             requirement=stated(entry, units),
             finding=finding(requirement),
             value=requirement.value if requirement.judged else None,
-            shown=shown_value(requirement, *units[limited[0]]),
+            shown=shown_value(requirement, *units[entry.outputs[0]]),
             margin=requirement.margin if math.isfinite(requirement.margin) else None,
             causes=cause_words(answer, answer.requirement_causes(place)) if requirement.judged else [],
             exceedance=requirement.beyond if math.isfinite(requirement.beyond) else None,
@@ -218,6 +214,13 @@ def requirement_rows(answer: LinearAnswer) -> list[RequirementRow]:
     return rows
 
 
+def named_requirement(requirement: LinearRequirement, answer: LinearAnswer) -> NamedRequirement:
+    """Return a requirement with the names of its outputs."""
+    required = requirement.requirement
+    names = [answer.outputs[i].name for i in required.outputs]
+    return NamedRequirement(required.kind, names, required.limits, required.probability, required.when, required.about)
+
+
 def requirements_in_brief(answer: LinearAnswer) -> Findings:
     """List the requirements in one short row each: what is limited, the linear value, and the limit."""
     units = units_shown(answer.outputs)
@@ -225,7 +228,8 @@ def requirements_in_brief(answer: LinearAnswer) -> Findings:
     for row, requirement in zip(requirement_rows(answer), answer.requirements, strict=True):
         unit = units[answer.outputs[requirement.requirement.outputs[0]].name]
         value, limit = shown_value(requirement, *unit, digits=3), shown_limit(requirement, *unit)
-        entries.append((row.finding, row.tone, f"{short_name(requirement, answer)}: {value}, limit {limit}"))
+        what = limited_in_brief(named_requirement(requirement, answer))
+        entries.append((row.finding, row.tone, f"{what}: {value}, limit {limit}"))
     return Findings(entries)
 
 

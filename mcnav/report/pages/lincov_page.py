@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeGuard
 
 import numpy as np
+from markupsafe import Markup
 
 from mcnav.analysis.answer_times import as_read, read_axis
+from mcnav.analysis.causes import Cause
 from mcnav.analysis.examination import Linearity
-from mcnav.analysis.filter_causes import shares_by_kind
+from mcnav.analysis.filter_consistency import Honesty, NeglectedError
 from mcnav.analysis.filter_remarks import instant
 from mcnav.analysis.linear_answer import LinearAnswer, Order
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
@@ -38,7 +40,7 @@ from mcnav.report.document.table import STRONG, Cell, Column, Place, Table, five
 from mcnav.report.drawing.figure import Figure, bare
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.format import number
-from mcnav.report.names import humanize, scale_of
+from mcnav.report.names import humanize, scale_of, unit_words
 from mcnav.report.pages.box import box_section, box_tables
 from mcnav.report.pages.lincov import (
     RequirementRow,
@@ -51,12 +53,14 @@ from mcnav.report.pages.lincov import (
     statements,
 )
 from mcnav.report.pages.run.folded import with_folded_parts, with_rest_folded
-from mcnav.report.pages.run.sections.remedies import fix, remedies_section
+from mcnav.report.pages.run.sections.remedies import fix, fix_name, remedies_section
 from mcnav.report.pages.run.sections.what_if import what_if_section
-from mcnav.report.pages.screen import answered
+from mcnav.report.pages.screen import answered, sizes_at_the_end
 from mcnav.report.results.left_out import not_modelled
 from mcnav.report.results.worst_components import FOREMOST, worst_of_vectors
 from mcnav.report.statements.details import BEYOND, remarks_in
+from mcnav.report.statements.fields import named_causes
+from mcnav.report.statements.lincov import label_of
 from mcnav.report.statements.words import listed, several
 
 EXPLANATION: Final = (
@@ -82,10 +86,6 @@ SECOND_ORDER: Final = " Second order: with second and third derivatives, where k
 
 SHARES: Final = "Share of the variance at the end, %, and the sigma that a cause alone leaves"
 """Caption of the error budget."""
-
-NAMED: Final = 0.02
-LARGEST: Final = 3
-"""Smallest share of a kind of causes that the first screen names, and how many it names."""
 
 CAUSES: Final = "largest causes, share of the variance"
 """Heading in the terminal of the column that lists them."""
@@ -131,8 +131,10 @@ def page(
         sections = [_shortened(section, away) for section in sections]
     asked = requirements_in_brief(answer)
     helps = fix(remedies, answer.outputs)
-    known = [(name, words) for name, words in (("Cause", _cause(answer)), ("Fix", helps)) if words]
-    facts = Facts(known, below=True) if helps else None
+    fails, causes = _cause(answer)
+    named = ("Cause" if fails else "Driven by", causes), (fix_name(remedies), helps)
+    known = [(name, words) for name, words in named if words] or _sizes(answer)
+    facts = Facts(known, below=True) if known else None
     head = joined(verdict, facts, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
     shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
@@ -158,16 +160,39 @@ def _nonlinear(answer: LinearAnswer) -> str:
     return f"for {several(failing)}" if failing else ""
 
 
-def _cause(answer: LinearAnswer) -> str:
-    """Name the largest causes of a requirement that is not met, or of what a filter misses; empty where all holds."""
-    unmet = [number for number, row in enumerate(answer.requirements) if row.judged and not row.met]
-    if unmet:
-        worst = min(unmet, key=lambda number: answer.requirements[number].tightness)
-        causes = [(cause.name, cause.share) for cause in answer.requirement_causes(worst)]
-    else:
-        causes = [] if answer.filter is None else [(cause.name, cause.share) for cause in answer.filter.neglected]
-    kinds = [(humanize(kind), share) for kind, share in shares_by_kind(causes).items() if share >= NAMED]
-    return ", ".join(f"{kind} {100.0 * share:.0f} %" for kind, share in kinds[:LARGEST])
+def _cause(answer: LinearAnswer) -> tuple[bool, str]:
+    """Return whether something fails, and the largest causes of what does, or of the tightest requirement's errors.
+
+    A requirement that is not met comes before what a filter misses.
+    """
+    judged = [number for number, row in enumerate(answer.requirements) if row.judged]
+    tightest = min(judged, key=lambda number: (answer.requirements[number].met, answer.requirements[number].tightness),
+                   default=None)  # fmt: skip
+    unmet = tightest is not None and not answer.requirements[tightest].met
+    optimistic = answer.filter if answer.filter is not None and answer.filter.verdict == Honesty.OPTIMISTIC else None
+    neglected = () if optimistic is None else optimistic.neglected
+    if tightest is None or (neglected and not unmet):
+        return bool(neglected), _named(answer, neglected)
+    return unmet, _named(answer, answer.requirement_causes(tightest))
+
+
+def _named(answer: LinearAnswer, causes: Iterable[Cause | NeglectedError]) -> str:
+    """Name the largest kinds of causes with their shares."""
+    return named_causes(
+        (label_of(answer, cause.name) if cause.name.endswith(NOMINAL) else cause.name, cause.share) for cause in causes
+    )
+
+
+def _sizes(answer: LinearAnswer) -> list[tuple[str, Markup | str]]:
+    """Give the first sigmas at the end, and what drives the first; none beyond the linear range."""
+    rows = [row for row in final_rows(answer) if row.sigma]
+    if not rows:
+        return []
+    first = next(i for i, output in enumerate(answer.outputs) if output.name == rows[0].output)
+    known = [(row.output, row.sigma or 0.0, unit_words(row.unit)) for row in rows]
+    shares = np.nan_to_num(answer.budget.attributed[first]).tolist()
+    drives = named_causes(zip(answer.causes, shares, strict=True))
+    return sizes_at_the_end(known, drives, "fold-linear-analysis")
 
 
 def _foremost(answer: LinearAnswer, over_time: Figure | None, asked: Figure | None) -> Figure | None:

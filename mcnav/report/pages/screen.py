@@ -25,6 +25,9 @@ from mcnav.report.document.parts import (
     joined,
 )
 from mcnav.report.drawing.figure import HALF, Figure
+from mcnav.report.format import rounded
+from mcnav.report.names import humanize
+from mcnav.report.statements.requirements import named_together
 from mcnav.report.statements.words import several
 
 RESULTS: Final = "Results"
@@ -58,6 +61,9 @@ ROOM: Final = 66
 
 TITLES: Final = 4
 """Titles of sections that the line of a fold lists."""
+
+SIZES: Final = 3
+"""Outputs whose sigmas are given where there are more than one more."""
 
 ROWS: Final = 3
 """Findings listed where there are more than one more."""
@@ -138,6 +144,28 @@ def foremost(figure: Figure, shows: str = "") -> Figure:
     return replace(figure, name=f"first-{figure.name}", caption="", columns={}, file="", shows=shows, size=size)
 
 
+def sizes_at_the_end(
+    known: Sequence[tuple[str, float, str]], causes: str, target: str
+) -> list[tuple[str, Markup | str]]:
+    """Return facts: the sigmas of the first outputs, and what drives the first one.
+
+    Parameters
+    ----------
+    known : sequence of (str, float, str)
+        Name, sigma and unit of each output; at least one.
+    causes : str
+        Empty where they are not known.
+    target : str
+        Section or fold with all outputs.
+    """
+    shown = known if len(known) == SIZES + 1 else known[:SIZES]
+    names = named_together([name for name, _, _ in shown])
+    sizes = [f"{name} {rounded(size)} {unit}".rstrip() for name, (_, size, unit) in zip(names, shown, strict=True)]
+    more = Markup(', <a href="#{}">{} more</a>').format(target, len(known) - len(shown)) if known[len(shown) :] else ""
+    facts: list[tuple[str, Markup | str]] = [("Sigma at the end", Markup("{}{}").format(", ".join(sizes), more))]
+    return [*facts, (f"{humanize(known[0][0])} is driven by".capitalize(), causes)] if causes else facts
+
+
 def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analysis") -> Page:
     """Put the page of a study on one screen: its verdict, a figure, findings; everything else is folded.
 
@@ -156,8 +184,8 @@ def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analy
     asked = next((fold.name for fold in folds_of(page.sections, {}, rest) if fold.title == "Requirements"), _name(rest))
     beside = [_shortened(part, asked) if isinstance(part, Findings) else part for part in findings]
     taken = sum(
-        len(f"{finding} {words}".split())
-        for part in beside if isinstance(part, Findings) for finding, _, words in part.entries
+        len(Markup(f"{entry[0]} {entry[-1]}").striptags().split())
+        for part in beside if isinstance(part, Findings) or part.below for entry in part.entries
     )  # fmt: skip
     brief, whole = _in_brief(said, taken)
     below = [*([] if whole else [said]), *(part for part in others if part not in findings), *page.foot]

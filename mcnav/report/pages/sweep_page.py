@@ -29,6 +29,7 @@ from mcnav.report.statements.sweep import (
     confirmed_words,
     disagreements,
     doubt_of,
+    examined_words,
     headline,
     linear_finding,
     mean_words,
@@ -74,7 +75,9 @@ def page(sweep: Sweep) -> Page:
     contours = len(sweep.variables) > 1 and not sweep.variables[0].words
     words, tone = headline(sweep)
     confirmed = [Verdict(*confirmed_words(sweep))] if sweep.confirmations else []
-    stated: Part = Verdicts([*confirmed, Verdict(words, tone)]) if tone else Sentence(words)
+    examined = examined_words(sweep)
+    verdict = Verdict(words, tone, [examined] if examined else [])
+    stated: Part = Verdicts([*confirmed, verdict]) if tone else Sentence(words)
     others: list[Part] = [] if tone or not confirmed else [Verdicts(confirmed)]
     facts = Facts([
         (variable.path, ", ".join(variable.words) or
@@ -87,7 +90,8 @@ def page(sweep: Sweep) -> Page:
         sections.append(Section("limits", "Where limits are just met", [limit_table(sweep)]))
     if sweep.confirmations:
         sections.append(Section("monte-carlo", "Monte Carlo", _checks(sweep)))
-    head = [*_mean_errors(sweep), stated, *others, *map(Note, remarks(sweep)), facts]
+    noted = [remark for remark in remarks(sweep) if not tone or remark != examined]
+    head = [*_mean_errors(sweep), stated, *others, *map(Note, noted), facts]
     limits, figure = _tightest_first(sweep), None
     if len(limits) > 1:
         head.append(_tightest_limit(sweep, limits))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -118,14 +118,13 @@ def samples_for_sigmas(summary: Summary) -> str:
     return more_samples(max(needed), summary.samples) if needed else ""
 
 
-def _counts(summary: Summary) -> str:
-    counts = summary.counts
-    if counts is None:
+def counts(summary: Summary) -> str:
+    """Count the requirements by their findings; empty without any."""
+    tally = summary.counts
+    if tally is None:
         return ""
-    others = (
-        (counts.not_met, "not met"), (counts.undecided, "undecided"), (counts.met_as_known, "met for the known ways")
-    )  # fmt: skip
-    return ", ".join([f"{counts.met} of {counts.of} met", *(f"{count} {words}" for count, words in others if count)])
+    others = (tally.not_met, "not met"), (tally.undecided, "undecided"), (tally.met_as_known, "met for the known ways")
+    return ", ".join([f"{tally.met} of {tally.of} met", *(f"{count} {words}" for count, words in others if count)])
 
 
 def _least_margin(summary: Summary) -> str:
@@ -149,8 +148,15 @@ def cause(summary: Summary, subject: str) -> str:
     worst = worst_requirement(summary) if subject == "requirements" else None
     if worst is None:
         return ""
-    kinds = shares_by_kind((cause.name, cause.share) for cause in worst.entry.causes)
-    return "" if not kinds else _named(kinds)
+    return named_causes((cause.name, cause.share) for cause in worst.entry.causes)
+
+
+def named_causes(causes: Iterable[tuple[str, float]]) -> str:
+    """Name the largest kinds of causes with their shares of a variance, and what correlations take from their sum."""
+    kinds = shares_by_kind(causes)
+    correlated = 1.0 - sum(kinds.values())
+    more = f", correlations −{-100.0 * correlated:.0f} %" if correlated < -LEAST else ""
+    return f"{_named(kinds)}{more}"
 
 
 def _unmodelled(result: FilterSummary) -> str:
@@ -253,7 +259,7 @@ MAY_BE_EMPTY: Final = ("within",)
 
 FIELDS: Final[Mapping[str, Callable[[Summary, Mapping[str, Array]], str]]] = {
     "means": _of(mean_sentence),
-    "counts": _of(_counts),
+    "counts": _of(counts),
     "least_margin": _of(_least_margin),
     "within": _of(_within),
     "whose": _of(_whose),

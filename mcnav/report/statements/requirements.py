@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from mcnav.report.columns.requirements import RADII, RequirementRow, requirement_rows
+from mcnav.report.columns.requirements import RADII, RequirementRow, nominal_of, requirement_rows
 from mcnav.report.format import number, rounded
 from mcnav.report.names import humanize
 
 if TYPE_CHECKING:
-    from mcnav.analysis.summary import Summary
+    from mcnav.analysis.summary import RequirementEntry, Summary
+    from mcnav.report.columns.requirements import NamedRequirement
 
 DIGITS: Final = 3
 """Significant digits of estimates."""
@@ -21,6 +22,9 @@ FINDINGS: Final = ("not met", "undecided", "met for the known ways", "met")
 
 NAMED: Final = 2
 """Outputs of a requirement that its short form names."""
+
+NEGLIGIBLE: Final = 0.01
+"""Largest size of nominal outputs, as a share of a size, that is left out of a margin."""
 
 
 def worst_requirement(summary: Summary, time_unit: str = "") -> RequirementRow | None:
@@ -42,7 +46,9 @@ def _used(row: RequirementRow) -> float:
     if entry.kind == "sigma_ratio":
         return abs(estimate - 1.0) / limit if limit else math.inf
     if entry.kind != "box":
-        return estimate / limit if limit else math.inf
+        multiple = margin(row)
+        used = estimate / limit if limit else math.inf
+        return used if multiple is None else 1.0 / multiple if multiple else math.inf
     allowed = 1.0 - (entry.probability or 0.0)
     return (1.0 - estimate) / allowed if allowed else math.inf
 
@@ -50,13 +56,18 @@ def _used(row: RequirementRow) -> float:
 def requirement_in_brief(row: RequirementRow) -> str:
     """Write a requirement in one short row: what it limits, the estimate, and the limit."""
     entry = row.entry
-    names = _together(entry.outputs) if entry.outputs else ""
     limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else limit_words(row)
     value = "–" if entry.estimate is None else three_digits(row, entry.estimate)
-    measure = f"{100.0 * (entry.probability or 0.0):g} %" if entry.kind == "quantile" else measure_words(row)
+    return f"{limited_in_brief(entry)}: {value}, {limit}"
+
+
+def limited_in_brief(entry: NamedRequirement | RequirementEntry) -> str:
+    """Say in a few words what a requirement limits, and when."""
+    names = _together(entry.outputs) if entry.outputs else ""
+    percent = f"{100.0 * (entry.probability or 0.0):g} %"
+    measure = percent if entry.kind == "quantile" else measure_words(entry)
     what = f"{names}, {measure}" if entry.kind == "quantile" else f"{measure} of {names}" if names else measure
-    when = f", {entry.when}" if entry.when else ""
-    return f"{what}{when}: {value}, {limit}"
+    return f"{what}, {entry.when}" if entry.when else what
 
 
 def _together(outputs: Sequence[str]) -> str:
@@ -65,19 +76,23 @@ def _together(outputs: Sequence[str]) -> str:
     >>> _together(["position_north", "position_east"]), _together(["altitude", "range"]), _together(["x", "y", "z"])
     ('position north, east', 'altitude, range', 'x, y and 1 more')
     """
-    first, *others = (humanize(name) for name in outputs[:NAMED])
-    start = f"{first.rpartition(' ')[0]} "
     more = f" and {len(outputs) - NAMED} more" if len(outputs) > NAMED else ""
-    return ", ".join([first, *(name.removeprefix(start) for name in others)]) + more
+    return ", ".join(named_together(outputs[:NAMED])) + more
 
 
-def measure_words(row: RequirementRow) -> str:
+def named_together(outputs: Sequence[str]) -> list[str]:
+    """Name outputs, each without what the name of the first begins with."""
+    first, *others = map(humanize, outputs)
+    start = f"{first.rpartition(' ')[0]} "
+    return [first, *(name.removeprefix(start) for name in others)]
+
+
+def measure_words(entry: NamedRequirement | RequirementEntry) -> str:
     """Name what a requirement limits in a word or two."""
-    kind = row.entry.kind
-    if kind in RADII:
-        return kind.upper()
+    if entry.kind in RADII:
+        return entry.kind.upper()
     return {"sigma_ratio": "sigma ratio", "box": "within the limits"}.get(
-        kind, f"{100.0 * (row.entry.probability or 0.0):g} % quantile"
+        entry.kind, f"{100.0 * (entry.probability or 0.0):g} % quantile"
     )
 
 
@@ -92,12 +107,19 @@ def _plain(row: RequirementRow, value: float) -> str:
 
 
 def three_digits(row: RequirementRow, value: float | None) -> str:
-    """Write a number of a requirement with three digits; a probability with as many as it needs."""
+    """Write a number of a requirement with three digits, or with as many as tell it from its bounds."""
     if value is None or not math.isfinite(value):
         return "∞"
     if row.entry.kind == "box":
         return f"{100.0 * value:.3g} %" if value < 0.999 else f"{100.0 * value:.4g} %"
-    return row.with_unit(number(value * row.scale, DIGITS))
+    return row.with_unit(number(value * row.scale, _digits(row)))
+
+
+def _digits(row: RequirementRow) -> int:
+    """Return the digits with which the estimate and its bounds differ: three, or one more."""
+    values = [value for value in (row.entry.estimate, *row.entry.interval) if value is not None]
+    alike = len({number(value * row.scale, DIGITS) for value in values}) < len(set(values))
+    return DIGITS + alike
 
 
 def confidence_words(row: RequirementRow) -> str:
@@ -109,11 +131,35 @@ def confidence_words(row: RequirementRow) -> str:
     confidence = f"{100.0 * row.summary.confidence:g} % confidence"
     if entry.kind == "box":
         return f"With {confidence} at least {three_digits(row, low)}." if low is not None else ""
-    margin = f"Margin × {rounded(entry.limits[0] / entry.estimate)}; " if entry.estimate else ""
-    bound = low if entry.finding == "not met" else high
+    if entry.kind == "sigma_ratio":  # an interval is what it is decided by
+        return ""
+    multiple, bound = margin(row), low if entry.finding == "not met" else high
     side = "at least" if entry.finding == "not met" else "at most"
-    words = f"{margin}with {confidence} {side} {three_digits(row, bound)}." if bound is not None else margin
-    return capitalized(words)
+    bounded = "" if bound is None else f"with {confidence} {side} {three_digits(row, bound)}"
+    words = "; ".join(filter(None, (f"Margin × {rounded(multiple)}" if multiple else "", bounded)))
+    return f"{capitalized(words)}." if words else ""
+
+
+def margin(row: RequirementRow, value: float | None = None) -> float | None:
+    """Return the multiple of all errors at which a size would be the limit; none where it is not known.
+
+    ``value`` is the size, SI; by default the estimate.
+
+    The size of an output is that of its nominal `n` and of its error. Where the limit is beyond `n` by less than `n`,
+    one tail of the errors decides, and the multiple is `(limit - |n|) / (value - |n|)`. It is the margin of
+    `mcnav lincov`, with samples in place of a normal distribution.
+    """
+    entry, limit = row.entry, row.entry.limits[0]
+    value = entry.estimate if value is None else value
+    if entry.kind in ("box", "sigma_ratio") or not value or not math.isfinite(value):
+        return None
+    size = 0.0 if entry.about else math.hypot(*nominal_of(row.summary, entry.outputs))
+    if size <= NEGLIGIBLE * value:
+        return limit / value
+    alone = entry.kind == "quantile" and len(entry.outputs) == 1 and entry.time is None
+    if alone and limit - size <= size < min(limit, value):
+        return (limit - size) / (value - size)
+    return None
 
 
 def capitalized(words: str) -> str:

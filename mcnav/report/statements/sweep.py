@@ -287,7 +287,7 @@ def remarks(sweep: Sweep) -> list[str]:
         points = "1 point has" if missing == 1 else f"{missing} points have"
         result.append(f"{points} no linear answer: a covariance loses its definiteness there.")
     if np.isfinite(sweep.own).any() and not any(drawn.differs(sweep, index) for index in range(len(sweep.measures))):
-        result.append("The filter states the same values: at every point it believes what is true.")
+        result.append("The filter computes the same values at every point.")
     result += _of_filter(sweep)
     if any(not allocation.whole for allocation in sweep.just_met):
         result.append(

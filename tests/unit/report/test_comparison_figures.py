@@ -9,7 +9,8 @@ from mcnav.analysis.envelopes import Envelopes
 from mcnav.analysis.summary import Summary
 from mcnav.report.drawing.marks import Bars, Line
 from mcnav.report.figures.comparisons import CROSS, LISTED, curves, variance_parts, waterfall
-from tests.summaries import summary
+from mcnav.report.pages.comparison import changed_verdicts
+from tests.summaries import requirement, summary
 
 ROUNDING = 1e-12
 """Relative error of sums of a dozen doubles."""
@@ -100,3 +101,11 @@ def test_curves_lie_over_each_other_where_times_mean_the_same() -> None:
     assert curves(("a", "b"), (FIRST, CORRELATED), (known[0], other)) is None
     assert curves(("a", "b"), (FIRST, CORRELATED), (known[0], None)) is None
     assert curves(("a", "b"), (FIRST, CORRELATED), (None, known[0])) is None
+
+
+def test_verdicts_that_differ_between_runs_are_said() -> None:
+    """Of the filter and of requirements; a run without a requirement is not compared."""
+    met, missed = (summary(requirements=[requirement(finding)]) for finding in ("met", "not met"))
+    assert changed_verdicts(["a", "b"], [met, missed]) == ["Requirements: 1 of 1 met in a, 0 of 1 met, 1 not met in b."]
+    assert changed_verdicts(["a", "b"], [met, met]) == []
+    assert changed_verdicts(["a", "b"], [met, summary()]) == []

@@ -450,7 +450,7 @@
     const caption_ = ends.querySelector("caption span");
     convention.changed.addEventListener("change", () => update());
     const folded = (words, parts) => make("details", [make("summary", words), ...parts]);
-    const choice = make("p", make("label", ["Shares of the variance at the end of ", chosen]), { class: "choice" });
+    const choice = make("p", make("label", [first_ ? "% of final variance: " : "Shares of the variance at the end of ", chosen]), { class: "choice" });
     const tables = [...(requirements.length ? [table(data.basis, ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []), ends];
     const plots = panels.length ? [key, plotsOf(first.map((each) => panels[each])), ...(more ? [more] : [])] : [];
     const foremost = () => { // numbers with the largest shares in what requirements limit, or in all outputs
@@ -464,7 +464,7 @@
       const shownFirst = make("div", foremost().map((n) => rows[n].row));
       const rest = [...groups.values()].filter((group) => group.querySelector(".row"));
       const count_ = rest.reduce((sum, group) => sum + group.querySelectorAll(".row").length, 0);
-      return [...(first_ ? [] : [choice]), shownFirst, ...(count_ ? [folded(`${count_} more`, [...(first_ ? [choice] : []), ...rest])] : [])];
+      return [choice, shownFirst, ...(count_ ? [folded(`${count_} more`, rest)] : [])];
     };
     root_.append(
       make("div", [state, reset, copy], { class: "bar-of-state" }),

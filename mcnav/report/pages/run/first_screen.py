@@ -7,22 +7,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
 from markupsafe import Markup
 
 from mcnav.report.columns.requirements import requirement_rows
 from mcnav.report.document.parts import Beside, Facts, Findings, Part, Tile, Verdict, joined
 from mcnav.report.drawing.figure import HALF, Figure
-from mcnav.report.format import number
+from mcnav.report.format import rounded
 from mcnav.report.names import humanize, shown_units
-from mcnav.report.pages.run.sections.remedies import fix
+from mcnav.report.pages.run.sections.remedies import fix, fix_name
 from mcnav.report.pages.run.tiles import NAMES
 from mcnav.report.pages.run.worst_case import worst_case
 from mcnav.report.pages.screen import foremost as as_foremost
+from mcnav.report.pages.screen import sizes_at_the_end
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.box import simulated_in_brief
+from mcnav.report.statements.fields import named_causes
 from mcnav.report.statements.joint import direction_words
 from mcnav.report.statements.requirements import requirement_in_brief, worst_first
-from mcnav.report.statements.verdicts import Statement, statements
+from mcnav.report.statements.verdicts import Statement, statements, tone
 
 REQUIREMENTS: Final = 3
 """Requirements listed where there are more than one more; one, if all are met and something else is the matter."""
@@ -150,7 +153,7 @@ def _along(content: RunAnalysis) -> str:
     scale, unit = shown_units(summary)[entry.lead]
     alone = summary.sigma_linear[summary.names.index(entry.lead)]
     mean, simulated, linear, own = (
-        f"{number(size * scale, DIGITS)} {unit}".strip()
+        f"{rounded(size * scale, DIGITS)} {unit}".strip()
         for size in (entry.mean_error, entry.sigma_paired, entry.sigma_linear, alone)
     )
     of_lead = f"{humanize(entry.lead)} alone: {own}"
@@ -177,11 +180,28 @@ def _warnings(tiles: Sequence[Tile]) -> list[str]:
 
 
 def _facts(content: RunAnalysis, answer: Statement) -> Facts | None:
-    """Name the cause, and what would help most; none where neither is known."""
+    """Name the cause, and what would help most, or how large errors are; none where nothing is known."""
     best = fix(content.remedies, content.manifest.model.outputs)
     of_causes = "Driven by" if answer.tone == "agrees" else "Cause"
-    known = [(name, words) for name, words in ((of_causes, answer.cause), ("Fix", best)) if words]
+    named = (of_causes, answer.cause), (fix_name(content.remedies, answer.subject), best)
+    known = [(name, words) for name, words in named if words]
+    if not content.summary.requirements and (answer.tone == "agrees" or answer.subject == "linear"):
+        known += _sizes(content)
     return Facts(known, below=True) if known else None
+
+
+def _sizes(content: RunAnalysis) -> list[tuple[str, Markup | str]]:
+    """Give the Monte Carlo sigmas of the first outputs, and what drives the first one where linear analysis knows."""
+    summary, units = content.summary, shown_units(content.summary)
+    sizes = enumerate(zip(summary.names, summary.sigma_paired, strict=False))
+    known = {i: (name, size * units[name][0], units[name][1]) for i, (name, size) in sizes if size and size > 0.0}
+    if not known:
+        return []
+    drives = ""
+    if tone(summary) in ("agrees", "partly"):
+        causes = [*(source.name for source in summary.sources), *(process.name for process in summary.processes)]
+        drives = named_causes(zip(causes, np.nan_to_num(content.budget.attributed[min(known)]).tolist(), strict=True))
+    return sizes_at_the_end(list(known.values()), drives, "linear")
 
 
 def _others(others: Sequence[Statement], tiles: Mapping[str, Tile]) -> Findings | None:

@@ -152,7 +152,7 @@ def _requirement(summary: Summary, time_unit: str) -> Worst:
         return Worst("–", row.exceedance) if known and known.refusal else NOTHING
     limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else limit_words(row)
     when = f" at {instant(entry.time, f'time [{row.time_unit}]')}" if entry.time is not None else ""
-    return Worst(three_digits(row, entry.estimate), f"{measure_words(row)}{when}{_between(row)}; {limit}")
+    return Worst(three_digits(row, entry.estimate), f"{measure_words(entry)}{when}{_between(row)}; {limit}")
 
 
 def _between(row: RequirementRow) -> str:

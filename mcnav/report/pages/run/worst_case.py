@@ -9,6 +9,7 @@ from mcnav.analysis.summary import FilterSummary
 from mcnav.report.document.parts import Tile
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.drawing.marks import of_requirement
+from mcnav.report.figures.requirements import landing, with_limit
 from mcnav.report.figures.sigma_ratios import sigma_ratios_over_time
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.fields import worst_departure
@@ -34,12 +35,17 @@ def worst_case(content: RunAnalysis, drawn: Mapping[str, Figure], tile: Tile) ->
         of_smoother = sigma_ratios_over_time(replace(content, filter=content.smoother))
         drawn = {} if of_smoother is None else {
             "sigma_history": replace(of_smoother, title="True sigma over the smoother's sigma")}  # fmt: skip
+    row = worst_requirement(content.summary, content.time_unit) if subject == "Requirements" else None
+    if row is not None and (limited := landing(content, row)) is not None:
+        drawn = {**drawn, "scatter": limited}
     for name, about in _wanted(content, subject):
         figure = drawn.get(name)
         panels = [] if figure is None else [panel for panel in figure.panels if set(about) <= set(panel.about)]
         if figure is not None and panels:
             shows = figure.shows if len(figure.panels) == 1 else f"{tile.value} {tile.of}.".lstrip()
-            return replace(figure, panels=panels[:1], shown=0, shows=shows)
+            shown = replace(figure, panels=panels[:1], shown=0, shows=shows)
+            at_end = row is not None and about and name in ("histograms", "scatter")
+            return with_limit(shown, row) if row is not None and at_end else shown
     return None
 
 
@@ -56,7 +62,8 @@ def _wanted(content: RunAnalysis, subject: str) -> Iterator[Wanted]:
             if row is not None and row.entry.outputs and row.entry.kind != "sigma_ratio":
                 yield "requirements_over_time", [of_requirement(row.number)]
                 yield "tails", [of_requirement(row.number)]
-                yield "scatter", row.entry.outputs
+                if len(row.entry.outputs) > 1:
+                    yield "scatter", row.entry.outputs
                 yield "histograms", row.entry.outputs[:1]
             else:
                 yield "ratios", ()

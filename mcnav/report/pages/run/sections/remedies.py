@@ -119,6 +119,20 @@ def _caption(remedies: Remedies, outputs: Outputs) -> str:
     return words
 
 
+def fix_name(remedies: Remedies | None, subject: str = "") -> str:
+    """Name what the first screen says of the best remedy: a fix only where nothing fails any more.
+
+    ``subject`` is what the verdict is about, where it may be something else than what fails.
+    """
+    if remedies is None:
+        return ""
+    whole = remedies.best is None or remedies.best.mends
+    other = remedies.failing == "filter" and subject not in ("", "filter")
+    if other:
+        return "Fix of the filter" if whole else "Helps the filter"
+    return "Fix" if whole else "Helps most"
+
+
 def fix(remedies: Remedies | None, outputs: Outputs) -> Markup | str:
     """Return the best remedy and its effect for the first screen, or why there is none; empty where nothing fails."""
     if remedies is None:
