@@ -53,7 +53,7 @@ def update_tables(found: Measurements) -> UpdateTables:
         found.constants[:, :, :0], found.places, none, none, none, np.zeros(updates),
         np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
         np.zeros((updates, 9, most)), never,
-        np.zeros(0, dtype=np.int64),
+        np.zeros(0, dtype=np.int64), np.full((updates, most), -1),
         filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
         RateTables(found.swinging, found.swung, found.levers, no_rates, no_rates, no_rates, no_numbers, no_numbers),
         never, none,
@@ -92,7 +92,8 @@ def both_ways(
     places, kinds, sizes = found
     turn, turned, three = rooms
     x, y, z, vx, vy, vz = load(moved, 0), load(moved, 1), load(moved, 2), load(moved, 3), load(moved, 4), load(moved, 5)
-    errors, rows, number = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, three, three, three, three), out[:0], 0
+    errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, three, three, three, three, three)
+    rows, number = out[:0], 0
     for u in range(len(sizes)):
         for c in range(sizes[u]):
             store(out, (number, 0), INNOVATION(places[u, c], x, u, c, tables, errors, rows, False))

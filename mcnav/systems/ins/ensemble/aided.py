@@ -320,13 +320,20 @@ class AidedTables:
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions,
             measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.places,
             self.correlated, self.memory, self.white, self.limits, of_sensors, self.shared.gains, roots,
-            self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))),
+            self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))), self._scales,
             filter_updates(
                 measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
             ),
             self._swings(np.zeros(0, dtype=np.int64)), np.any(measured.faults != 0.0, axis=1), measured.faults,
             offset_tables(self.loop, active),
         )  # fmt: skip
+
+    @property
+    def _scales(self) -> IndexArray:
+        """Number of the state that is the scale factor of each update's components, -1 for none, shape (U, M)."""
+        names, components = [state.name for state in self.loop.model.states], self.loop.measurements.components
+        scaled = [each.error_name("scale_factor") for sensor in self.loop.sensors for each in sensor.components]
+        return np.array([names.index(name) if name in names else -1 for name in scaled], dtype=np.int64)[components]
 
     @cached_property
     def epochs(self) -> EpochTables:

@@ -216,8 +216,8 @@ class Covariances(NamedTuple):
     product, left : ndarray, shapes (3, n, 9, PART), (n, n, 9, PART)
     white, gain : ndarray, shape (n, C, 9, PART)
         ``P H^T`` with the innovations whitened, ``P H^T L^-T``; gains.
-    rows : ndarray, shape (3 C, 9, LANES)
-        Responses of the innovations to psi, v, x, of each sample.
+    rows : ndarray, shape (3 C, 3 n, LANES)
+        Responses of the innovations to all states, of each sample.
     root, inverse : ndarray, shapes (3 C, 3 C, LANES), (3 C, LANES)
         Cholesky factor L of the innovations' covariance, and its diagonal inverted.
     correction : ndarray, shape (9 + q, LANES)
@@ -269,7 +269,7 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room, most: int 
     others, size = count_threes(states), room_for(most)
     n, blocks = THREE + others, size // THREE
     rows, root, inverse, correction = (
-        room(size if own else 0, NAVIGATION),
+        room(size if own else 0, THREE * n),
         room(size, size),
         room(size),
         room(THREE * n),
@@ -343,17 +343,17 @@ def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covarian
 @allocation_free_subroutine
 def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covariances) -> None:
     """Compute the same where each sample has responses of its own, ``filters.rows``."""
-    p, cross, rows, states = filters.p, filters.cross, filters.rows_parts, tables.state_rows
+    p, cross, rows = filters.p, filters.cross, filters.rows_parts
     for t in range(PARTS):
         for c in range((m + 2) // THREE):
             begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
             for r in range(p.shape[1]):
-                # P H^T, with each sample's own H of psi, v, x
+                # P H^T, with each sample's own H
                 x = multiply(load_symmetric(p, t, r, begin), transpose(_nine_of(rows, t, c, begin)))
                 for j in range(begin + 1, end):
                     x = add_product(x, load_symmetric(p, t, r, j), transpose(_nine_of(rows, t, c, j)))
                 for s in tables.linked:
-                    to_state = transpose(load_numbers(states, (u, c, s)))
+                    to_state = transpose(_nine_of(rows, t, c, THREE + s))
                     x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
                 store_block(cross, (t, r, c), x)
             for e in range(c + 1):
@@ -362,7 +362,7 @@ def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covari
                 for j in range(begin + 1, end):
                     x = add_product(x, _nine_of(rows, t, c, j), load_block(cross, (t, j, e)))
                 for s in tables.linked:
-                    x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
+                    x = add_product(x, _nine_of(rows, t, c, THREE + s), load_block(cross, (t, THREE + s, e)))
                 _store_root(filters.root_parts, t, c, e, x)
 
 
@@ -506,8 +506,7 @@ def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: Filter
             for j in range(begin + 1, end):
                 x = add_product(x, load_block(left, (r, j)), transpose(_nine_of(rows, t, c, j)))
             for s in tables.linked:
-                to_state = transpose(load_numbers(tables.state_rows, (u, c, s)))
-                x = add_product(x, load_block(left, (r, THREE + s)), to_state)
+                x = add_product(x, load_block(left, (r, THREE + s)), transpose(_nine_of(rows, t, c, THREE + s)))
             of_noise = transpose(scale_rows(transpose(load_block(gain, (r, c))), tables.variances[u], c))
             store_block(white, (r, c), subtract(x, of_noise))
     # P+ = X - (X H^T - K R) K^T

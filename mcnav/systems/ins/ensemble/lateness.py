@@ -218,7 +218,8 @@ def _innovate(innovation: int, u: int, c: int, tables: MeasurementTables, lanes:
     x, y, z = load(lanes.moved, 3), load(lanes.moved, 4), load(lanes.moved, 5)
     vx, vy, vz = load(lanes.moved, 0), load(lanes.moved, 1), load(lanes.moved, 2)
     errors = NavigatorErrors(
-        x, y, z, vx, vy, vz, lanes.turn, lanes.turned, lanes.rotation, lanes.swing, lanes.swing, lanes.offset
+        x, y, z, vx, vy, vz, lanes.turn, lanes.turned, lanes.rotation, lanes.swing, lanes.swing, lanes.offset,
+        lanes.offset,
     )  # fmt: skip
     store(lanes.turn, 0, INNOVATION(innovation, 0.0 * x, u, c, tables, errors, lanes.rows, False))
 

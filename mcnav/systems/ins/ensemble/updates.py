@@ -16,6 +16,7 @@ from mcnav.systems.ins.ensemble.filters import SIX, FilterUpdates, room_for
 from mcnav.systems.ins.ensemble.innovations import INNOVATION
 from mcnav.systems.ins.ensemble.steps import Deviations, turn_less_one
 from mcnav.systems.ins.filter.consistency import COUNTS
+from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors
 from mcnav.systems.ins.sensors.measurements import Measurements
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
@@ -41,6 +42,8 @@ class UpdateTables(NamedTuple):
         Responses to those of the filter's states that are errors of sensors.
     linked : ndarray of int
         Those of them that any innovation responds to.
+    scales : ndarray of int, shape (U, M)
+        Number of the state that is the scale factor of a component, -1 for none.
     swings : RateTables
     faulty : ndarray of bool, shape (U,)
         Whether an update has a fault.
@@ -67,6 +70,7 @@ class UpdateTables(NamedTuple):
     adjoint: Array
     lags: NDArray[np.bool_]
     linked: IndexArray
+    scales: IndexArray
     of_filter: FilterUpdates
     swings: RateTables
     faulty: NDArray[np.bool_]
@@ -157,6 +161,8 @@ class Estimates(NamedTuple):
         Velocity of the antenna by the error of that rate, and what of it is not the gyros' own errors.
     offset, known : ndarray, shape (3, LANES)
         Errors of the sensor's offset less what is estimated of them, in inertial axes and in their own.
+    of_offset : ndarray, shape (3, LANES)
+        Responses of a component to them, in inertial axes.
     accepted : ndarray, shape (1, LANES)
     before : ndarray, shape (sensors, 3 C, LANES)
         Whitened innovation of each sensor's update before.
@@ -177,6 +183,7 @@ class Estimates(NamedTuple):
     corrected: Array
     offset: Array
     known: Array
+    of_offset: Array
     accepted: Array
     before: Array
     tally: Array
@@ -200,7 +207,8 @@ def estimates_of(
     size = room_for(most)
     return Estimates(
         keep(states), keep(aiding), drifting(components), drifting(components), room(size), room(size), room(size),
-        room(3), room(3), room(3), room(3), room(3), room(3), room(1), keep(sensors, size), keep(sensors, COUNTS),
+        room(3), room(3), room(3), room(3), room(3), room(3), room(3), room(1),
+        keep(sensors, size), keep(sensors, COUNTS),
     )  # fmt: skip
 
 
@@ -307,15 +315,43 @@ def _offset(u: int, tables: OffsetTables, own: Estimates) -> None:
 
 
 @allocation_free_part
+def _scale(u: int, c: int, tables: UpdateTables, value: Vector, rows: Array, own: Estimates, wanted: bool) -> Vector:
+    """Return an innovation, and scale its responses: a filter's scale factor k multiplies what a navigator predicts.
+
+    The first order, k times the true value, is in the responses to states already.
+    """
+    s = tables.scales[u, c]
+    change, factor = value + load(own.disturbance, c), load(own.estimate, s)
+    if wanted:
+        for r in range(NAVIGATION):
+            store(rows, (c, r), load(rows, (c, r)) + factor * load(rows, (c, r)))
+        for j in range(THREE):
+            store(own.of_offset, j, load(own.of_offset, j) + factor * load(own.of_offset, j))
+        store(rows, (c, NAVIGATION + s), load(rows, (c, NAVIGATION + s)) - change)
+    return value + factor * change
+
+
+@allocation_free_part
+def _respond_to_offset(u: int, c: int, tables: OffsetTables, rows: Array, own: Estimates) -> None:
+    """Write the responses of a component to those of the filter's states that are errors of the sensor's offset."""
+    x, y, z = load(own.of_offset, 0), load(own.of_offset, 1), load(own.of_offset, 2)
+    for j in range(THREE):
+        if tables.states[u, j] >= 0:
+            response = tables.axes[u, 0, j] * x + tables.axes[u, 1, j] * y + tables.axes[u, 2, j] * z
+            store(rows, (c, NAVIGATION + tables.states[u, j]), response)
+
+
+@allocation_free_part
 def innovate(
     u: int, m: int, constants: Array, tables: UpdateTables, samples: Deviations, rows: Array, own: Estimates
 ) -> None:
-    """Compute the innovations of the samples, and their responses to errors about each sample's own attitude.
+    """Compute the innovations of the samples, and their responses to errors about each sample's own state.
 
     Parameters
     ----------
-    rows : ndarray, shape (3 C, 9, LANES)
-        Or none, if the responses are not needed; those along the truth are computed for Joseph's form alone.
+    rows : ndarray, shape (3 C, 9 + q, LANES)
+        Or with more columns, or none if the responses are not needed; those along the truth are computed for Joseph's
+        form alone.
     """
     turn, turned, moved = samples.turn, samples.turned, samples.moved
     plain = tables.of_filter.along_truth[u]
@@ -329,22 +365,33 @@ def innovate(
     vx, vy, vz = load(moved, 0) + spin * y, load(moved, 1) - spin * x, load(moved, 2)  # over the earth
     if wanted:
         for c in range(THREE * ((m + 2) // THREE)):
-            for r in range(9):
+            for r in range(NAVIGATION):
                 store(rows, (c, r), 0.0)
+            for s in tables.of_filter.linked:
+                for e in range(THREE):
+                    response = tables.of_filter.state_rows[u, c // THREE, s, THREE * (c % THREE) + e]
+                    store(rows, (c, NAVIGATION + THREE * s + e), response)
     shared = MeasurementTables(
         tables.directions, tables.parameters, tables.places, tables.swings.levers, tables.swings.swinging, constants
     )
     offsets = tables.offsets
     if offsets.present[u]:
         _offset(u, offsets, own)
-    errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected, own.offset)
+    errors = NavigatorErrors(
+        x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected, own.offset,
+        own.of_offset,
+    )  # fmt: skip
     for c in range(m):
         value = INNOVATION(tables.innovations[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
+        if tables.scales[u, c] >= 0:
+            value = _scale(u, c, tables, value, rows, own, wanted)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
         if offsets.present[u]:  # the first order is in the disturbance and in the responses to states already
             for j in range(THREE):
                 value -= offsets.rows[u, c, j] * load(own.known, j)
+            if wanted:
+                _respond_to_offset(u, c, offsets, rows, own)
         store(own.innovation, c, value)
 
 
