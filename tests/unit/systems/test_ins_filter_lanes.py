@@ -83,7 +83,9 @@ def tables(
     shape = (*variances.shape, 2)
     navigation = np.zeros((*variances.shape, 9)) if rows is None else rows
     careful, along = np.array([joseph]), np.array([rows is not None])
-    return filter_updates(navigation, others, np.broadcast_to(bounds, shape), variances, along, careful)
+    return filter_updates(
+        navigation, others, np.broadcast_to(bounds, shape), variances, along, careful, np.full((1, 1), -1)
+    )
 
 
 def update(

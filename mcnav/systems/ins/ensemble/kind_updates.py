@@ -298,13 +298,15 @@ def _take_back(samples: Deviations, own: Estimates, rooms: KindRooms) -> None:
 
 
 @allocation_free_part
-def _add_response(m: int, updates: UpdateTables, filters: Covariances, own: Estimates, reached: Array) -> None:
+def _add_response(u: int, m: int, updates: UpdateTables, filters: Covariances, own: Estimates, reached: Array) -> None:
     """Add ``H c`` to the innovations."""
     for c in range(m):
         value = load(own.innovation, c)
         for r in range(NAVIGATION):
             value += load(filters.rows, (c, r)) * load(reached, r)
         for s in updates.of_filter.linked:
+            if not updates.of_filter.responding[u, s]:
+                continue
             for r in range(NAVIGATION + THREE * s, min(NAVIGATION + THREE * (s + 1), len(reached))):
                 value += load(filters.rows, (c, r)) * load(reached, r)
         store(own.innovation, c, value)
@@ -336,7 +338,7 @@ def update_iterated(
             feed_back_own(rooms.reached, of_filter.corrected, samples, own)
         innovate(u, m, constants, updates, samples, filters.rows, own)
         if number > 0:
-            _add_response(m, updates, filters, own, rooms.reached)
+            _add_response(u, m, updates, filters, own, rooms.reached)
             _take_back(samples, own, rooms)
         _project(u, m, updates, samples, cause, filters)
         whiten_by_own(m, filters.root, filters.inverse, own)

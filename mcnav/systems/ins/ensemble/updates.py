@@ -14,6 +14,14 @@ from mcnav.compiled.lanes import half_turn_of_square
 from mcnav.compiled.vectors import Rooms, Vector, load, room, store, where
 from mcnav.systems.ins.ensemble.filters import SIX, FilterUpdates, room_for
 from mcnav.systems.ins.ensemble.innovations import INNOVATION
+from mcnav.systems.ins.ensemble.own_responses import (
+    DelayTables,
+    OffsetTables,
+    change_late,
+    find_offset,
+    respond_to_offset,
+    scale_responses,
+)
 from mcnav.systems.ins.ensemble.steps import Deviations, turn_less_one
 from mcnav.systems.ins.filter.consistency import COUNTS
 from mcnav.systems.ins.filter.model import NAVIGATION
@@ -50,6 +58,7 @@ class UpdateTables(NamedTuple):
     faults : ndarray, shape (U, M)
         What faults add to the measurements.
     offsets : OffsetTables
+    delays : DelayTables
     """
 
     sensors: IndexArray
@@ -76,6 +85,7 @@ class UpdateTables(NamedTuple):
     faulty: NDArray[np.bool_]
     faults: Array
     offsets: OffsetTables
+    delays: DelayTables
 
 
 class RateTables(NamedTuple):
@@ -105,28 +115,6 @@ class RateTables(NamedTuple):
     states: Array
     drifting: IndexArray
     estimated: IndexArray
-
-
-class OffsetTables(NamedTuple):
-    """Tables of the errors o of a sensor's `mcnav.systems.ins.sensors.quantity.OFFSETS` in U updates.
-
-    Attributes
-    ----------
-    errors, states : ndarray of int, shape (U, 3)
-        Number of the sensors' constant error that is not zero, and of the filter's state, of each axis; -1 for none.
-    present : ndarray of bool, shape (U,)
-        Whether an update's sensor has any.
-    axes : ndarray, shape (U, 3, 3)
-        Inertial axes, by columns.
-    rows : ndarray, shape (U, M, 3)
-        Responses of the innovations to them.
-    """
-
-    errors: IndexArray
-    states: IndexArray
-    present: NDArray[np.bool_]
-    axes: Array
-    rows: Array
 
 
 def along_truth(measured: Measurements) -> NDArray[np.bool_]:
@@ -300,48 +288,6 @@ def _swing(u: int, spin: float, rates: RateTables, turned: Array, own: Estimates
 
 
 @allocation_free_part
-def _offset(u: int, tables: OffsetTables, own: Estimates) -> None:
-    """Compute what errors of a sensor's offset are left after the filter's estimates."""
-    for j in range(THREE):
-        left = 0.0 * load(own.disturbance, 0)
-        if tables.errors[u, j] >= 0:
-            left += load(own.aiding, tables.errors[u, j])
-        if tables.states[u, j] >= 0:
-            left -= load(own.estimate, tables.states[u, j])
-        store(own.known, j, left)
-    a, b, c = load(own.known, 0), load(own.known, 1), load(own.known, 2)
-    for i in range(THREE):
-        store(own.offset, i, tables.axes[u, i, 0] * a + tables.axes[u, i, 1] * b + tables.axes[u, i, 2] * c)
-
-
-@allocation_free_part
-def _scale(u: int, c: int, tables: UpdateTables, value: Vector, rows: Array, own: Estimates, wanted: bool) -> Vector:
-    """Return an innovation, and scale its responses: a filter's scale factor k multiplies what a navigator predicts.
-
-    The first order, k times the true value, is in the responses to states already.
-    """
-    s = tables.scales[u, c]
-    change, factor = value + load(own.disturbance, c), load(own.estimate, s)
-    if wanted:
-        for r in range(NAVIGATION):
-            store(rows, (c, r), load(rows, (c, r)) + factor * load(rows, (c, r)))
-        for j in range(THREE):
-            store(own.of_offset, j, load(own.of_offset, j) + factor * load(own.of_offset, j))
-        store(rows, (c, NAVIGATION + s), load(rows, (c, NAVIGATION + s)) - change)
-    return value + factor * change
-
-
-@allocation_free_part
-def _respond_to_offset(u: int, c: int, tables: OffsetTables, rows: Array, own: Estimates) -> None:
-    """Write the responses of a component to those of the filter's states that are errors of the sensor's offset."""
-    x, y, z = load(own.of_offset, 0), load(own.of_offset, 1), load(own.of_offset, 2)
-    for j in range(THREE):
-        if tables.states[u, j] >= 0:
-            response = tables.axes[u, 0, j] * x + tables.axes[u, 1, j] * y + tables.axes[u, 2, j] * z
-            store(rows, (c, NAVIGATION + tables.states[u, j]), response)
-
-
-@allocation_free_part
 def innovate(
     u: int, m: int, constants: Array, tables: UpdateTables, samples: Deviations, rows: Array, own: Estimates
 ) -> None:
@@ -368,30 +314,37 @@ def innovate(
             for r in range(NAVIGATION):
                 store(rows, (c, r), 0.0)
             for s in tables.of_filter.linked:
-                for e in range(THREE):
-                    response = tables.of_filter.state_rows[u, c // THREE, s, THREE * (c % THREE) + e]
-                    store(rows, (c, NAVIGATION + THREE * s + e), response)
+                if tables.of_filter.responding[u, s]:
+                    for e in range(THREE):
+                        response = tables.of_filter.state_rows[u, c // THREE, s, THREE * (c % THREE) + e]
+                        store(rows, (c, NAVIGATION + THREE * s + e), response)
     shared = MeasurementTables(
         tables.directions, tables.parameters, tables.places, tables.swings.levers, tables.swings.swinging, constants
     )
     offsets = tables.offsets
     if offsets.present[u]:
-        _offset(u, offsets, own)
+        find_offset(u, offsets, own.aiding, own.estimate, own.known, own.offset)
     errors = NavigatorErrors(
         x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected, own.offset,
         own.of_offset,
     )  # fmt: skip
     for c in range(m):
         value = INNOVATION(tables.innovations[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
-        if tables.scales[u, c] >= 0:
-            value = _scale(u, c, tables, value, rows, own, wanted)
+        change, scale = value + load(own.disturbance, c), tables.scales[u, c]
+        if wanted and tables.delays.present[u]:
+            value -= change_late(u, c, tables.delays, errors, rows, own.estimate)
+        if scale >= 0:
+            factor = load(own.estimate, scale)
+            value += factor * change
+            if wanted:
+                scale_responses(c, scale, change, factor, rows, own.of_offset)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
         if offsets.present[u]:  # the first order is in the disturbance and in the responses to states already
             for j in range(THREE):
                 value -= offsets.rows[u, c, j] * load(own.known, j)
             if wanted:
-                _respond_to_offset(u, c, offsets, rows, own)
+                respond_to_offset(u, c, offsets, own.of_offset, rows)
         store(own.innovation, c, value)
 
 
