@@ -61,7 +61,7 @@ def update_tables(found: Measurements) -> UpdateTables:
             np.full((updates, 3), -1), np.full((updates, 3), -1), never, np.zeros((updates, 3, 3)),
             np.zeros((updates, most, 3)),
         ),
-        DelayTables(never, no_states, np.zeros((0, most, 9)), np.zeros((0, most)), np.zeros((0, 3))),
+        DelayTables(never, no_states, np.zeros((0, most, 9)), np.zeros((0, most)), np.zeros((0, 3)), np.zeros(updates)),
     )  # fmt: skip
 
 

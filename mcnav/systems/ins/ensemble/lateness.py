@@ -82,7 +82,8 @@ def delay_tables(loop: ClosedLoop) -> DelayTables:
     states = of_sensors[measured.sensors]
     present = np.any(states >= 0, axis=1)
     shape = (updates if present.any() else 0, most)
-    tables = DelayTables(present, states, np.zeros((*shape, 9)), np.zeros(shape), np.zeros((shape[0], 3)))
+    before = np.append(np.inf, np.diff(loop.times))[loop.times_of(np.arange(updates))]
+    tables = DelayTables(present, states, np.zeros((*shape, 9)), np.zeros(shape), np.zeros((shape[0], 3)), 1.0 / before)
     for number in np.flatnonzero(np.any(of_sensors >= 0, axis=1)):
         sensor, here = loop.sensors[number], np.flatnonzero(measured.sensors == number)
         if not len(here):

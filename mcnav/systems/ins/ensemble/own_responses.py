@@ -57,6 +57,8 @@ class DelayTables(NamedTuple):
         The responses along the truth times that.
     force : ndarray, shape (U, 3)
         Specific force in inertial axes.
+    rates : ndarray, shape (U,)
+        One over the duration of the step before, 1/s; zero at the start.
     """
 
     present: NDArray[np.bool_]
@@ -64,6 +66,7 @@ class DelayTables(NamedTuple):
     motion: Array
     along: Array
     force: Array
+    rates: Array
 
 
 @allocation_free_part
@@ -108,17 +111,28 @@ def respond_to_offset(u: int, c: int, tables: OffsetTables, of_offset: Array, ro
 
 
 @allocation_free_part
-def change_late(u: int, c: int, tables: DelayTables, errors: NavigatorErrors, rows: Array, estimate: Array) -> Vector:
+def change_late(
+    u: int, c: int, tables: DelayTables, errors: NavigatorErrors, response: Array, rows: Array, estimate: Array
+) -> Vector:
     """Return what estimates of delays change in an innovation besides h' along the truth, and complete the responses.
 
-    By its responses to psi, v and x a navigator has ``h' = h_psi R p + h_v (a + (R - I) f) + h_x (u + v)``, where p, a
-    and u are how the truth changes. The errors of its gyros and of gravity, and the turn of local axes, are left out.
+    By its responses to psi, v and x a navigator has ``h' = h_psi R p + h_v (a + R (f + e) - f) + h_x (u + v)``. Here p,
+    a and u are how the truth changes; e is what is left of the accelerometers' error, a mean over the step before.
+    The errors of the gyros and of gravity, and the turn of local axes, are left out.
+
+    Parameters
+    ----------
+    response : ndarray, shape (9, LANES)
+        As `mcnav.systems.ins.ensemble.steps.Deviations` has it.
     """
     motion, force, turned = tables.motion, tables.force, errors.turned
     x, y, z = change_by_turn(turned, motion[u, c, 0], motion[u, c, 1], motion[u, c, 2])
     beyond = load(rows, (c, 0)) * (motion[u, c, 0] + x) + load(rows, (c, 1)) * (motion[u, c, 1] + y)
     beyond += load(rows, (c, 2)) * (motion[u, c, 2] + z)
-    x, y, z = change_by_turn(turned, force[u, 0], force[u, 1], force[u, 2])
+    rate = tables.rates[u]
+    ex, ey, ez = rate * load(response, 3), rate * load(response, 4), rate * load(response, 5)
+    x, y, z = change_by_turn(turned, force[u, 0] + ex, force[u, 1] + ey, force[u, 2] + ez)
+    x, y, z = ex + x, ey + y, ez + z
     beyond += load(rows, (c, 3)) * (motion[u, c, 3] + x) + load(rows, (c, 4)) * (motion[u, c, 4] + y)
     beyond += load(rows, (c, 5)) * (motion[u, c, 5] + z)
     beyond += load(rows, (c, 6)) * (motion[u, c, 6] + errors.vx) + load(rows, (c, 7)) * (motion[u, c, 7] + errors.vy)

@@ -332,7 +332,7 @@ def innovate(
         value = INNOVATION(tables.innovations[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
         change, scale = value + load(own.disturbance, c), tables.scales[u, c]
         if wanted and tables.delays.present[u]:
-            value -= change_late(u, c, tables.delays, errors, rows, own.estimate)
+            value -= change_late(u, c, tables.delays, errors, samples.response, rows, own.estimate)
         if scale >= 0:
             factor = load(own.estimate, scale)
             value += factor * change
