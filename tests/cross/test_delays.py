@@ -301,9 +301,9 @@ CASES: Final = {
 def test_both_engines_measure_what_was_there_before(case: str, size: float, share: float, rest: float) -> None:
     """The same sample in both: they share no equation of the sensors.
 
-    Where the filter has no delay they agree to 3 % of what departs from first order. A filter's own first order is that
-    along the truth in one engine, and along the indicated trajectory in the other: they differ by products of errors,
-    1e-4 of a sigma where delays are 3 ms and the noise a tenth.
+    Where the filter has no delay they agree to 3 % of what departs from first order. Where it has one, both respond to
+    it as along the indicated trajectory. One leaves out errors of the gyros and turns of local axes, 1e-4 of a sigma at
+    most where delays are 3 ms and the noise a tenth.
     """
     late = CASES[case]
     aided, scenario = aided_of(late), late.scenario
@@ -326,7 +326,11 @@ def test_both_engines_measure_what_was_there_before(case: str, size: float, shar
 
 @pytest.mark.parametrize("case", CASES)
 def test_linear_analysis_predicts_the_samples(case: str) -> None:
-    """Paired with the linear closed loop of the same draws; 99.99 % of a sigma and of a mean of 256 samples."""
+    """Paired with the linear closed loop of the same draws; 99.99 % of a sigma and of a mean of 256 samples.
+
+    A mean delay of 50 ms that a filter has estimated multiplies the navigator's errors, which linear analysis about no
+    delay lacks: 0.1 to 0.4 % of a sigma. Over 12 samples the reference engine has 0.3 % as well.
+    """
     late, count = CASES[case], 256
     draws = late.errors.draw("random", 1, count, 0, count)
     sigma, _, mean = sigmas_at_end(late)
@@ -335,7 +339,7 @@ def test_linear_analysis_predicts_the_samples(case: str) -> None:
         assert not result.failures
         assert result.linear_values is not None
         paired = result.values.std(axis=0) / result.linear_values.std(axis=0)
-        np.testing.assert_allclose(paired, 1.0, atol=1e-3)
+        np.testing.assert_allclose(paired, 1.0, atol=4e-3 if name == "ensemble" and "mean" in case else 1e-3)
         np.testing.assert_allclose(result.values.std(axis=0) / sigma, 1.0, atol=3.9 / np.sqrt(2.0 * count))
         assert np.all(np.abs(result.values.mean(axis=0) - mean) <= (3.9 / np.sqrt(count) + 0.01) * sigma)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -20,15 +20,14 @@ from scipy.spatial.transform import Rotation
 
 from mcnav.arrays.types import Array
 from mcnav.cli import shell_completion
-from mcnav.compiled.vectors import room
 from mcnav.config.json_schema.campaign import campaign_schema
 from mcnav.config.read import parse_campaign
 from mcnav.config.templates.ins import NewIns, new_ins
 from mcnav.systems.ins.aided import AidedNavigation
 from mcnav.systems.ins.earth import WGS84, local_axes
-from mcnav.systems.ins.ensemble.filters import SIX
+from mcnav.systems.ins.ensemble.filters import covariances_of
 from mcnav.systems.ins.ensemble.steps import deviations_of
-from mcnav.systems.ins.ensemble.updates import estimates_of, innovate
+from mcnav.systems.ins.ensemble.updates import add_constant_errors, estimates_of, innovate
 from mcnav.systems.ins.filter.model import estimated_kinds
 from mcnav.systems.ins.imu.instruments import CONSTANTS, Imu, Noise
 from mcnav.systems.ins.reference.aided import AidedMechanization
@@ -213,52 +212,128 @@ def test_engines_and_linear_analysis_agree_on_every_sample(quantity: str) -> Non
     assert np.abs(late - other).max() <= 1e-4 * np.abs(late).max() + rounding
 
 
-@pytest.mark.parametrize("quantity", [name for name in QUANTITIES if sensor_of(name, np.array([END])).offsets])
-def test_innovations_of_both_engines_are_exact_in_what_a_sensor_knows_of_its_own_place(quantity: str) -> None:
-    """With errors of boresight or map beside those of the navigator, whose products are far above what is allowed.
+@dataclass(frozen=True)
+class Measured:
+    """One measurement by a navigator that errs, as both engines have it.
 
-    Both are the same but for rounding, 4e-9 m of positions of 6.4e6 m, and for the product of a boresight error of
-    20 mrad with the error of the rate over the earth: the earth's, 7e-5 rad/s, turned by 20 mrad, on an arm of 2 m.
-    The landmark is 15 km away.
+    Attributes
+    ----------
+    fast, reference : ndarray, shape (c,)
+        Innovations.
+    along_truth : ndarray, shape (c,)
+        What errors of the sensor and estimates of them contribute to first order.
+    rows, responses : ndarray, shape (c, 9 + q)
+        Responses to the filter's states in earth-fixed axes, of both engines.
+    table : ndarray, shape (c, q)
+        Responses to the other states along the truth.
     """
-    of = navigation(quantity)
-    (sensor,), (offset,) = of.sensors, of.sensors[0].offsets
+
+    fast: Array
+    reference: Array
+    along_truth: Array
+    rows: Array
+    responses: Array
+    table: Array
+
+
+def measured_by_both(quantity: str, endings: tuple[str, ...], errors: dict[str, list[float]], share: float) -> Measured:
+    """Measure a quantity with errors of a sensor by kind, of which a filter estimates a share; none is late."""
+    sensor = sensor_of(quantity, np.arange(BEGIN + 2.0, END + 1.0, 2.0))
+    kinds = tuple(kind for kind in estimated_kinds(tuple(sensor.constants())) if kind.endswith(endings))
+    model = make_filter((sensor,), UNIT, SIGMAS | dict.fromkeys(kinds, 1e-3), kinds)
+    of = Navigation(flight(), "strapdown", BEGIN, END, UNIT, (sensor,), model).aided
+    assert of is not None
+    names, states = aiding_constants(of.sensors), [state.name for state in of.filter.states]
+    error = np.zeros(len(names))
+    for kind, values in errors.items():
+        places = [place for place, name in enumerate(names) if f"_{kind}" in name]
+        error[places] = values[: len(places)]
+    estimates = share * np.array([error[names.index(name)] for name in states])
+    error[[place for place, name in enumerate(names) if name.endswith("_delay")]] = 0.0
     turn, velocity, away = np.array([0.02, -0.01, 0.015]), np.array([1.0, -2.0, 0.5]), np.array([150.0, -200.0, 80.0])
-    error = np.array([0.02, -0.01, 0.015]) if offset == "boresight" else np.array([-120.0, 90.0, 150.0])
-    tables, names = of.tables(1), aiding_constants(of.sensors)
-    active = np.flatnonzero([f"_{offset}_" in name for name in names])
-    updates, constants = tables.updates(active, np.zeros(0, dtype=np.int64)), of.truth.earth.constants
+
+    active = np.flatnonzero(error)
+    updates = of.tables(1).updates(active, np.zeros(0, dtype=np.int64))
     row = len(updates.sizes) - 1
     around = Surroundings.at(of.truth, "strapdown", BEGIN, sensor.times[row:], sensor.lever_arm, sensor.arrangement)
-    inertial, spin = around.earth[0], of.truth.earth.rotation_rate * np.array([0.0, 0.0, 1.0])
-    samples, own = deviations_of(0, 0), estimates_of(len(of.filter.states), 3, 0, 1)
-    rotation = Rotation.from_rotvec(inertial @ turn)
-    samples.turn[:] = np.roll(rotation.as_quat(), 1)[:, None]
+    inertial, spin = around.earth[0], np.array([0.0, 0.0, of.truth.earth.rotation_rate])
+    samples, own = deviations_of(0, 0), estimates_of(len(states), len(active), 0, 1)
+    samples.turn[:] = np.roll(Rotation.from_rotvec(inertial @ turn).as_quat(), 1)[:, None]
     samples.moved[:3] = (inertial @ velocity + np.cross(spin, inertial @ away))[:, None]
-    samples.moved[3:], own.aiding[:] = (inertial @ away)[:, None], error[:, None]
-    size = int(updates.sizes[row])
-    linear = updates.constant_rows[row, :size] @ error
-    own.disturbance[:size] = -linear[:, None]
-    innovate(row, size, constants, updates, samples, room(SIX, 9), own)
+    samples.moved[3:], own.aiding[:] = (inertial @ away)[:, None], error[active][:, None]
+    own.estimate[:] = estimates[:, None]
+    size, rows = int(updates.sizes[row]), covariances_of(len(states)).rows
+    add_constant_errors(row, size, updates, own)
+    innovate(row, size, of.truth.earth.constants, updates, samples, rows, own)
+    to_inertial = np.eye(9 + len(states))
+    to_inertial[:9, :9] = np.kron(np.eye(3), inertial)
+    to_inertial[3:6, 6:9] = np.cross(spin, inertial.T).T
 
     reference = AidedMechanization(of.truth, "strapdown", BEGIN, END, of.times, of.sensors, of.filter)
-    (model,), nothing = reference.sensor_models, np.zeros(3)
-    assert model.truth is not None
-    true = model.truth.states
-    states = of.truth.states(sensor.times[row:], "strapdown", BEGIN)
-    axes = Rotation.from_rotvec(turn).as_matrix() @ true.axes[row]
-    position = true.position[row] + away
-    reading = np.concatenate([states.rate[0], states.force[0]])
+    (by_reference,) = reference.sensor_models
+    assert by_reference.truth is not None
+    true, here = by_reference.truth.states, of.truth.states(sensor.times[row:], "strapdown", BEGIN)
+    position, axes = true.position[row] + away, Rotation.from_rotvec(turn).as_matrix() @ true.axes[row]
+    reading = np.concatenate([here.rate[0], here.force[0]])
     indicated = Indicated(position, true.velocity[row] + velocity, axes, LocalFrame.at(WGS84, position), reading)
-    none = np.zeros(model.size)
-    estimates = np.zeros(len(of.filter.states))
-    value, _ = model.innovation(model.true_at(row), indicated, estimates, none, none, nothing, offsets={offset: error})
-    without, _ = model.innovation(
-        model.true_at(row), indicated, estimates, none, none, nothing, offsets={offset: nothing}
-    )
+
+    def measure(constants: Array, estimates: Array) -> tuple[Array, Array]:
+        own = np.array([constants[names.index(name)] for name in sensor.constants()])
+        offset, *others = by_reference.measurement_errors(own, np.zeros((len(sensor.times), size)))
+        known = by_reference.offsets_of(own)
+        return by_reference.innovation(
+            by_reference.true_at(row), indicated, estimates, offset[row], *others, offsets=known
+        )
+
+    value, responses = measure(error, estimates)
+    alone, _ = measure(0.0 * error, 0.0 * estimates)
+    table = updates.of_filter.state_rows[row]
+    table = table.reshape(*table.shape[:2], 3, 3).swapaxes(1, 2).reshape(3 * len(table), -1)[:size, : len(states)]
+    first_order = updates.constant_rows[row, :size] @ error[active] - table @ estimates
+    found = rows[:size, : 9 + len(states), 0] @ to_inertial
+    return Measured(own.innovation[:size, 0], value, alone + first_order, found, responses, table)
+
+
+@pytest.mark.parametrize(
+    "quantity",
+    [name for name in QUANTITIES if QUANTITIES[name].scaled or sensor_of(name, np.array([END])).offsets],
+)
+def test_both_engines_measure_and_respond_at_the_estimate_of_a_sample(quantity: str) -> None:
+    """Errors of boresight, map and scale, and estimates of them, beside errors of the navigator.
+
+    Their products are far above what is allowed: rounding of innovations, 4e-9 m of positions of 6.4e6 m, and of
+    responses, 1e-9 of the largest of a kind. An altimeter's filter has up at the true place, 200 m away from the
+    navigator's: 4e-5 of a response of size one. The landmark is 15 km away.
+    """
+    errors = {"boresight": [0.02, -0.01, 0.015], "map": [-120.0, 90.0, 150.0], "scale_factor": [0.03, -0.02, 0.01]}
+    found = measured_by_both(quantity, ("scale_factor", "boresight", "map"), errors, 0.6)
     allowed = 1e-10 if quantity == "landmark_direction" else 1e-7
-    assert np.abs(value - without - linear).max() > 1e4 * allowed
-    np.testing.assert_allclose(own.innovation[:size, 0], value, atol=allowed)
+    assert np.abs(found.reference - found.along_truth).max() > 1e4 * allowed
+    np.testing.assert_allclose(found.fast, found.reference, atol=allowed)
+    for kind in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, None)):
+        share = 6e-5 if quantity == "altitude" else 1e-9
+        largest = np.abs(found.responses[:, kind]).max()
+        np.testing.assert_allclose(found.rows[:, kind], found.responses[:, kind], atol=share * largest + 1e-15)
+    assert np.abs(found.rows[:, 9:] - found.table).max() > 1e-3 * np.abs(found.table).max()
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_both_engines_have_the_change_of_what_a_navigator_measures(quantity: str) -> None:
+    """A filter has estimated a delay of 20 ms: the engines differ by a fiftieth of what a navigator's errors change.
+
+    The fast one leaves out the turns of the earth and of local axes, 1e-4 rad/s, beside the vehicle's of 0.1 rad/s, and
+    has local axes at the true place: 4e-5 of an innovation and of a response to the navigator's errors. That of a
+    heading to the place, 1e-7 rad/m, is along the truth. An attitude's change does not depend on the navigator.
+    """
+    found = measured_by_both(quantity, ("sensor_delay",), {"delay": [0.02]}, 1.0)
+    for kind in (slice(0, 3), slice(3, 6), slice(6, 9))[: 2 if quantity == "heading" else 3]:
+        allowed = 1e-4 * np.abs(found.responses[:, kind]).max() + 1e-15
+        assert np.abs(found.rows[:, kind] - found.responses[:, kind]).max() <= allowed
+    changed = np.abs(found.responses[:, 9:] - found.table).max()
+    assert quantity == "attitude" or changed > 1e-6 * np.abs(found.table).max()
+    assert np.abs(found.rows[:, 9:] - found.responses[:, 9:]).max() <= 0.02 * changed + 1e-12
+    innovations = 0.02 * 0.02 * changed + 4e-5 * np.abs(found.reference).max()
+    assert np.abs(found.fast - found.reference).max() <= innovations
 
 
 @lru_cache

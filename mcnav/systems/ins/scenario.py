@@ -137,8 +137,8 @@ REVISION: Final = 7
 """Counts the changes of the samples' digits: 1 drew normal variates one at a time, 2 two of a block of random bits.
 
 4 computes them in single precision, 5 linear errors as sums. 6 computes the velocity of an antenna on a lever arm with
-measured rates. 7 turns the force's error to the attitude that a filter's sample indicates. It is one more where sensors
-have a boresight or a map: innovations are exact in their errors.
+measured rates. 7 turns the force's error to the attitude that a filter's sample indicates. It is two more where
+samples have responses of their own to a heading, a boresight, a map, a scale factor or a delay (`measures_exactly`).
 """
 
 EPOCHS: Final = 60
@@ -194,6 +194,17 @@ class Navigation:
     sigmas: Mapping[str, float] = field(default_factory=dict)
     further: tuple[float, ...] = ()
     together: bool = False
+
+    @property
+    def measures_exactly(self) -> bool:
+        """True with a sensor's boresight, map or heading, and with a filter's state for a scale factor or a delay."""
+        if self.filter is None:
+            return False
+        components = [each for sensor in self.sensors for each in sensor.components]
+        exact = {each.error_name("scale_factor") for each in components}
+        exact |= {name for sensor in self.sensors for name in (sensor.delay_name, sensor.jitter_name)}
+        known = any(sensor.offsets for sensor in self.sensors) or any(each.quantity == "heading" for each in components)
+        return known or any(state.name in exact for state in self.filter.states)
 
     @property
     def latest_start(self) -> float:
@@ -446,7 +457,7 @@ class Ins(PlainScenario):
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
-        self.revision = REVISION + any(sensor.offsets for sensor in navigation.sensors)
+        self.revision = REVISION + 2 * navigation.measures_exactly
         self.further_epochs = navigation.further  # samples' noise depends on all epochs
         self.remarks = remarks
         self._last_starts: tuple[tuple[str, bytes], Propagated] | None = None

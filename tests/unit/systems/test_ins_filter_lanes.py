@@ -55,11 +55,9 @@ def make(prior: float = 1.0) -> tuple[Covariances, Array, Array, Array, Array]:
     factor = prior * rng.standard_normal((LANES, SIZE, SIZE))
     covariance = factor @ factor.transpose(0, 2, 1)
     set_covariances(filters, covariance)
-    navigation = rng.standard_normal((LANES, COMPONENTS, 9))
-    filters.rows[:COMPONENTS] = np.moveaxis(navigation, 0, 2)
-    others = rng.standard_normal((1, COMPONENTS, STATES))
-    rows = np.concatenate([navigation, np.repeat(others, LANES, axis=0)], axis=2)
-    return filters, covariance, rows, others, 1.0 + rng.random((1, COMPONENTS))
+    rows = rng.standard_normal((LANES, COMPONENTS, SIZE))
+    filters.rows[:COMPONENTS, :SIZE] = np.moveaxis(rows, 0, 2)
+    return filters, covariance, rows, rows[:1, :, 9:], 1.0 + rng.random((1, COMPONENTS))
 
 
 def still(corrected: Array = CORRECTED) -> FilterSteps:
@@ -85,7 +83,9 @@ def tables(
     shape = (*variances.shape, 2)
     navigation = np.zeros((*variances.shape, 9)) if rows is None else rows
     careful, along = np.array([joseph]), np.array([rows is not None])
-    return filter_updates(navigation, others, np.broadcast_to(bounds, shape), variances, along, careful)
+    return filter_updates(
+        navigation, others, np.broadcast_to(bounds, shape), variances, along, careful, np.full((1, 1), -1)
+    )
 
 
 def update(
@@ -266,7 +266,7 @@ def test_responses_along_the_truth_are_those_of_samples_that_are_all_the_same(co
     for c in range(components):
         rows[0, c, : bounds[0, c, 0]] = 0.0
     filters.rows[:] = 0.0
-    filters.rows[:components] = rows[0, :, :, None]
+    filters.rows[:components, :SIZE] = np.concatenate([rows, others], axis=2)[0, :, :, None]
     known = tables(others, np.ones((1, components)), False, rows, bounds)
     project_along_samples(0, components, known, filters)
     cross, root = filters.cross.copy(), filters.root.copy()
@@ -312,7 +312,7 @@ def test_josephs_form_keeps_the_digits_of_a_large_reduction() -> None:
     errors = []
     for joseph in (False, True):
         filters, covariance, _, others, variances = make(prior=1e6)
-        filters.rows[:COMPONENTS] = np.eye(COMPONENTS, 9)[:, :, None]
+        filters.rows[:COMPONENTS] = np.eye(*filters.rows.shape[:2])[:COMPONENTS, :, None]
         found = update(filters, 0.0 * others, variances, joseph, corrected=np.ones(SIZE))
         noise = np.diag(variances[0])
         exact = [

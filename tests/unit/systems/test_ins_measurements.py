@@ -13,9 +13,9 @@ from mcnav.arrays.types import Array
 from mcnav.compiled.vectors import LANES, load, room, store
 from mcnav.systems.ins.ensemble.filters import SIX, filter_updates
 from mcnav.systems.ins.ensemble.innovations import INNOVATION, INNOVATIONS, places_of
+from mcnav.systems.ins.ensemble.own_responses import DelayTables, OffsetTables
 from mcnav.systems.ins.ensemble.steps import deviations_of
 from mcnav.systems.ins.ensemble.updates import (
-    OffsetTables,
     RateTables,
     UpdateTables,
     along_truth,
@@ -47,20 +47,21 @@ def update_tables(found: Measurements) -> UpdateTables:
     updates, most = found.components.shape
     none, whole = np.zeros((updates, most)), np.full((updates, most, 2), [0, 9])
     no_rates, no_numbers = np.zeros((updates, 3, 0)), np.zeros(0, dtype=np.int64)
-    never = np.zeros(updates, dtype=np.bool_)
+    never, no_states = np.zeros(updates, dtype=np.bool_), np.full((updates, 2), -1)
     return UpdateTables(
         found.sensors, found.sizes, found.components, places_of(found), found.directions, found.parameters,
         found.constants[:, :, :0], found.places, none, none, none, np.zeros(updates),
         np.zeros((updates, most, 0)), np.zeros((updates, 9, most)), np.zeros((updates, most, most)),
         np.zeros((updates, 9, most)), never,
-        np.zeros(0, dtype=np.int64),
-        filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never),
+        np.zeros(0, dtype=np.int64), np.full((updates, most), -1),
+        filter_updates(found.rows, np.zeros((updates, most, 0)), whole, none, never, never, no_states),
         RateTables(found.swinging, found.swung, found.levers, no_rates, no_rates, no_rates, no_numbers, no_numbers),
         never, none,
         OffsetTables(
             np.full((updates, 3), -1), np.full((updates, 3), -1), never, np.zeros((updates, 3, 3)),
             np.zeros((updates, most, 3)),
         ),
+        DelayTables(never, no_states, np.zeros((0, most, 9)), np.zeros((0, most)), np.zeros((0, 3)), np.zeros(updates)),
     )  # fmt: skip
 
 
@@ -92,7 +93,8 @@ def both_ways(
     places, kinds, sizes = found
     turn, turned, three = rooms
     x, y, z, vx, vy, vz = load(moved, 0), load(moved, 1), load(moved, 2), load(moved, 3), load(moved, 4), load(moved, 5)
-    errors, rows, number = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, three, three, three, three), out[:0], 0
+    errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, three, three, three, three, three)
+    rows, number = out[:0], 0
     for u in range(len(sizes)):
         for c in range(sizes[u]):
             store(out, (number, 0), INNOVATION(places[u, c], x, u, c, tables, errors, rows, False))

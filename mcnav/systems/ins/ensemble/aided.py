@@ -45,7 +45,7 @@ from mcnav.systems.ins.ensemble.free import EnsembleTables
 from mcnav.systems.ins.ensemble.gains import SharedGains
 from mcnav.systems.ins.ensemble.innovations import places_of
 from mcnav.systems.ins.ensemble.kind_updates import UPDATE, KindRooms, kind_rooms, number_of
-from mcnav.systems.ins.ensemble.lateness import draw_jitters, late_errors
+from mcnav.systems.ins.ensemble.lateness import delay_tables, draw_jitters, late_errors
 from mcnav.systems.ins.ensemble.normalization import share_covariances
 from mcnav.systems.ins.ensemble.offsets import offset_tables
 from mcnav.systems.ins.ensemble.propagation import propagate_covariances
@@ -313,20 +313,31 @@ class AidedTables:
         with np.errstate(divide="ignore", invalid="ignore"):
             known = np.diagonal(roots, axis1=1, axis2=2) ** 2 / model.variances
         careful = np.any(np.nan_to_num(known, nan=0.0) > CAREFUL, axis=1)
-        lags = np.zeros(len(measured.sensors), dtype=np.bool_)
+        lags, scales = np.zeros(len(measured.sensors), dtype=np.bool_), self._scales
+        offsets, delays = offset_tables(self.loop, active), delay_tables(self.loop)
         for sensor in range(len(self.loop.sensors)):
             lags[np.flatnonzero(measured.sensors == sensor)[1:]] = True
         return UpdateTables(
             measured.sensors, measured.sizes, measured.components, measured.kinds, measured.directions,
             measured.parameters, np.ascontiguousarray(measured.constants[:, :, active]), measured.places,
             self.correlated, self.memory, self.white, self.limits, of_sensors, self.shared.gains, roots,
-            self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))),
+            self.adjoint.updates, lags, np.flatnonzero(np.any(of_sensors, axis=(0, 1))), scales,
             filter_updates(
-                measured.rows, model.rows, self.bounds, model.variances, along_truth(measured), careful
+                measured.rows, model.rows, self.bounds, model.variances, along_truth(measured) & ~delays.present,
+                careful, np.concatenate([offsets.states, delays.states, scales], axis=1),
             ),
             self._swings(np.zeros(0, dtype=np.int64)), np.any(measured.faults != 0.0, axis=1), measured.faults,
-            offset_tables(self.loop, active),
+            offsets, delays,
         )  # fmt: skip
+
+    @property
+    def _scales(self) -> IndexArray:
+        """Number of the state that is the scale factor of each update's components, -1 for none, shape (U, M)."""
+        names, measured = [state.name for state in self.loop.model.states], self.loop.measurements
+        scaled = [each.error_name("scale_factor") for sensor in self.loop.sensors for each in sensor.components]
+        numbers = np.array([names.index(name) if name in names else -1 for name in scaled], dtype=np.int64)
+        used = np.arange(measured.components.shape[1]) < measured.sizes[:, None]
+        return np.where(used, numbers[measured.components], -1)
 
     @cached_property
     def epochs(self) -> EpochTables:

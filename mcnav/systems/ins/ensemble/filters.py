@@ -158,6 +158,8 @@ class FilterUpdates(NamedTuple):
         First and last of the blocks of psi, v, x that a block of components responds to.
     linked : ndarray of int
         Blocks of other states that any innovation responds to.
+    responding : ndarray of bool, shape (U, n - 3)
+        Whether an update's innovations respond to these.
     variances : ndarray, shape (U, 3 C)
         Of the measurements.
     along_truth : ndarray of bool, shape (U,)
@@ -170,6 +172,7 @@ class FilterUpdates(NamedTuple):
     state_rows: Array
     bounds: IndexArray
     linked: IndexArray
+    responding: NDArray[np.bool_]
     variances: Array
     along_truth: NDArray[np.bool_]
     careful: NDArray[np.bool_]
@@ -177,7 +180,7 @@ class FilterUpdates(NamedTuple):
 
 def filter_updates(
     rows: Array, state_rows: Array, bounds: IndexArray, variances: Array, along_truth: NDArray[np.bool_],
-    careful: NDArray[np.bool_],
+    careful: NDArray[np.bool_], own: IndexArray,
 ) -> FilterUpdates:  # fmt: skip
     """Prepare the tables over U updates.
 
@@ -186,6 +189,8 @@ def filter_updates(
     rows, state_rows : ndarray, shapes (U, M, 9), (U, M, q)
     bounds : ndarray of int, shape (U, M, 2)
         First and last of the navigation states that a component depends on, in threes.
+    own : ndarray of int, shape (U, k)
+        Other states to which samples respond even where the truth does not, -1 for none.
     """
     updates, most = variances.shape
     threes = count_threes(most)
@@ -195,9 +200,12 @@ def filter_updates(
     first = np.minimum(grouped[..., 0].min(axis=2), THREE - 1)
     others, filled = blocks_of(state_rows), np.zeros(used.shape[:2])
     filled[:, :most] = variances
+    responding = np.any(others, axis=(1, 3))
+    rows_of_own, places = np.nonzero(own >= 0)
+    responding[rows_of_own, own[rows_of_own, places] // THREE] = True
     return FilterUpdates(
         blocks_of(rows), others, np.stack([first, np.maximum(grouped[..., 1].max(axis=2), first + 1)], axis=-1),
-        np.flatnonzero(np.any(others, axis=(0, 1, 3))), filled, along_truth, careful,
+        np.flatnonzero(np.any(responding, axis=0)), responding, filled, along_truth, careful,
     )  # fmt: skip
 
 
@@ -216,8 +224,8 @@ class Covariances(NamedTuple):
     product, left : ndarray, shapes (3, n, 9, PART), (n, n, 9, PART)
     white, gain : ndarray, shape (n, C, 9, PART)
         ``P H^T`` with the innovations whitened, ``P H^T L^-T``; gains.
-    rows : ndarray, shape (3 C, 9, LANES)
-        Responses of the innovations to psi, v, x, of each sample.
+    rows : ndarray, shape (3 C, 3 n, LANES)
+        Responses of the innovations to all states, of each sample.
     root, inverse : ndarray, shapes (3 C, 3 C, LANES), (3 C, LANES)
         Cholesky factor L of the innovations' covariance, and its diagonal inverted.
     correction : ndarray, shape (9 + q, LANES)
@@ -269,7 +277,7 @@ def covariances_of(states: int, own: bool = True, keep: Rooms = room, most: int 
     others, size = count_threes(states), room_for(most)
     n, blocks = THREE + others, size // THREE
     rows, root, inverse, correction = (
-        room(size if own else 0, NAVIGATION),
+        room(size if own else 0, THREE * n),
         room(size, size),
         room(size),
         room(THREE * n),
@@ -327,8 +335,9 @@ def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covarian
                 for j in range(begin + 1, end):
                     x = add_product(x, load_symmetric(p, t, r, j), transpose(load_numbers(rows, (u, c, j))))
                 for s in tables.linked:
-                    to_state = transpose(load_numbers(states, (u, c, s)))
-                    x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
+                    if tables.responding[u, s]:
+                        to_state = transpose(load_numbers(states, (u, c, s)))
+                        x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
                 store_block(cross, (t, r, c), x)
             for e in range(c + 1):
                 # H P H^T: components c by e
@@ -336,25 +345,27 @@ def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covarian
                 for j in range(begin + 1, end):
                     x = add_product(x, load_numbers(rows, (u, c, j)), load_block(cross, (t, j, e)))
                 for s in tables.linked:
-                    x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
+                    if tables.responding[u, s]:
+                        x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
                 _store_root(filters.root_parts, t, c, e, x)
 
 
 @allocation_free_subroutine
 def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covariances) -> None:
     """Compute the same where each sample has responses of its own, ``filters.rows``."""
-    p, cross, rows, states = filters.p, filters.cross, filters.rows_parts, tables.state_rows
+    p, cross, rows = filters.p, filters.cross, filters.rows_parts
     for t in range(PARTS):
         for c in range((m + 2) // THREE):
             begin, end = tables.bounds[u, c, 0], tables.bounds[u, c, 1]
             for r in range(p.shape[1]):
-                # P H^T, with each sample's own H of psi, v, x
+                # P H^T, with each sample's own H
                 x = multiply(load_symmetric(p, t, r, begin), transpose(_nine_of(rows, t, c, begin)))
                 for j in range(begin + 1, end):
                     x = add_product(x, load_symmetric(p, t, r, j), transpose(_nine_of(rows, t, c, j)))
                 for s in tables.linked:
-                    to_state = transpose(load_numbers(states, (u, c, s)))
-                    x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
+                    if tables.responding[u, s]:
+                        to_state = transpose(_nine_of(rows, t, c, THREE + s))
+                        x = add_product(x, load_symmetric(p, t, r, THREE + s), to_state)
                 store_block(cross, (t, r, c), x)
             for e in range(c + 1):
                 # H P H^T
@@ -362,7 +373,8 @@ def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covari
                 for j in range(begin + 1, end):
                     x = add_product(x, _nine_of(rows, t, c, j), load_block(cross, (t, j, e)))
                 for s in tables.linked:
-                    x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
+                    if tables.responding[u, s]:
+                        x = add_product(x, _nine_of(rows, t, c, THREE + s), load_block(cross, (t, THREE + s, e)))
                 _store_root(filters.root_parts, t, c, e, x)
 
 
@@ -506,8 +518,8 @@ def _reduce_by_joseph(u: int, m: int, t: int, steps: FilterSteps, tables: Filter
             for j in range(begin + 1, end):
                 x = add_product(x, load_block(left, (r, j)), transpose(_nine_of(rows, t, c, j)))
             for s in tables.linked:
-                to_state = transpose(load_numbers(tables.state_rows, (u, c, s)))
-                x = add_product(x, load_block(left, (r, THREE + s)), to_state)
+                if tables.responding[u, s]:
+                    x = add_product(x, load_block(left, (r, THREE + s)), transpose(_nine_of(rows, t, c, THREE + s)))
             of_noise = transpose(scale_rows(transpose(load_block(gain, (r, c))), tables.variances[u], c))
             store_block(white, (r, c), subtract(x, of_noise))
     # P+ = X - (X H^T - K R) K^T

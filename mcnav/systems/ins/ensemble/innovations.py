@@ -27,7 +27,7 @@ ARGUMENTS: Final = (
     types.NamedTuple(
         (_ROWS, _ROWS, _ROOMS, _ROOMS, typeof(np.zeros(0, dtype=np.bool_)), _NUMBERS), MeasurementTables
     ),
-    types.NamedTuple((*(lanes,) * 6, *(_ROOMS,) * 6), NavigatorErrors), _ROWS, types.boolean,
+    types.NamedTuple((*(lanes,) * 6, *(_ROOMS,) * 7), NavigatorErrors), _ROWS, types.boolean,
 )  # fmt: skip
 """Types of the arguments of an innovation."""
 

@@ -300,16 +300,15 @@ def _take_back(samples: Deviations, own: Estimates, rooms: KindRooms) -> None:
 @allocation_free_part
 def _add_response(u: int, m: int, updates: UpdateTables, filters: Covariances, own: Estimates, reached: Array) -> None:
     """Add ``H c`` to the innovations."""
-    states, linked = updates.of_filter.state_rows, updates.of_filter.linked
     for c in range(m):
         value = load(own.innovation, c)
         for r in range(NAVIGATION):
             value += load(filters.rows, (c, r)) * load(reached, r)
-        for s in linked:
-            for e in range(THREE):
-                if THREE * s + e < len(own.estimate):
-                    response = states[u, c // THREE, s, THREE * (c % THREE) + e]
-                    value += response * load(reached, NAVIGATION + THREE * s + e)
+        for s in updates.of_filter.linked:
+            if not updates.of_filter.responding[u, s]:
+                continue
+            for r in range(NAVIGATION + THREE * s, min(NAVIGATION + THREE * (s + 1), len(reached))):
+                value += load(filters.rows, (c, r)) * load(reached, r)
         store(own.innovation, c, value)
 
 

@@ -18,13 +18,15 @@ from mcnav.compiled.jit import allocation_free_loop, allocation_free_part
 from mcnav.compiled.vectors import LANES, load, room, store
 from mcnav.systems.ins.earth import Earth, local_axes
 from mcnav.systems.ins.ensemble.innovations import INNOVATION, places_of
+from mcnav.systems.ins.ensemble.own_responses import DelayTables
 from mcnav.systems.ins.ensemble.steps import turn_less_one
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.sensors.comparison import Reference
-from mcnav.systems.ins.sensors.delay import reference_of
+from mcnav.systems.ins.sensors.delay import motion_along_truth, reference_of
 from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors
 from mcnav.systems.ins.sensors.registry import QUANTITIES
+from mcnav.systems.ins.sensors.surroundings import Surroundings
 from mcnav.systems.ins.truth.trajectory import Platform, TruthStates
 
 JITTER_STREAM: Final = (1 << 21) + 3
@@ -67,6 +69,35 @@ def draw_jitters(loop: ClosedLoop, epochs: IndexArray, seed: int, samples: Index
         if sensor.jitter_name in states:
             values[:, :, states.index(sensor.jitter_name)] = at_epochs
     return jitters, values
+
+
+def delay_tables(loop: ClosedLoop) -> DelayTables:
+    """Tabulate how what sensors measure changes along the truth, for the filter's states that are delays and jitter."""
+    measured, names = loop.measurements, [state.name for state in loop.model.states]
+    updates, most = measured.components.shape
+    of_sensors = np.array([
+        [names.index(name) if name in names else -1 for name in (sensor.delay_name, sensor.jitter_name)]
+        for sensor in loop.sensors
+    ]).reshape(-1, 2)  # fmt: skip
+    states = of_sensors[measured.sensors]
+    present = np.any(states >= 0, axis=1)
+    shape = (updates if present.any() else 0, most)
+    before = np.append(np.inf, np.diff(loop.times))[loop.times_of(np.arange(updates))]
+    tables = DelayTables(present, states, np.zeros((*shape, 9)), np.zeros(shape), np.zeros((shape[0], 3)), 1.0 / before)
+    for number in np.flatnonzero(np.any(of_sensors >= 0, axis=1)):
+        sensor, here = loop.sensors[number], np.flatnonzero(measured.sensors == number)
+        if not len(here):
+            continue
+        around = Surroundings.at(
+            loop.truth, loop.platform, float(loop.times[0]), measured.times[here], sensor.lever_arm, sensor.arrangement
+        )
+        tables.force[here] = np.einsum("nij,nj->ni", around.instruments, around.force)
+        for column, component in enumerate(sensor.components):
+            quantity = QUANTITIES[component.quantity]
+            motion = motion_along_truth(around, quantity, reference_of(sensor.kind, quantity.name))
+            tables.motion[here, column] = motion
+            tables.along[here, column] = np.einsum("ni,ni->n", measured.rows[here, column], motion)
+    return tables
 
 
 def late_errors(loop: ClosedLoop, delays: Array) -> Array:
@@ -218,7 +249,8 @@ def _innovate(innovation: int, u: int, c: int, tables: MeasurementTables, lanes:
     x, y, z = load(lanes.moved, 3), load(lanes.moved, 4), load(lanes.moved, 5)
     vx, vy, vz = load(lanes.moved, 0), load(lanes.moved, 1), load(lanes.moved, 2)
     errors = NavigatorErrors(
-        x, y, z, vx, vy, vz, lanes.turn, lanes.turned, lanes.rotation, lanes.swing, lanes.swing, lanes.offset
+        x, y, z, vx, vy, vz, lanes.turn, lanes.turned, lanes.rotation, lanes.swing, lanes.swing, lanes.offset,
+        lanes.offset,
     )  # fmt: skip
     store(lanes.turn, 0, INNOVATION(innovation, 0.0 * x, u, c, tables, errors, lanes.rows, False))
 

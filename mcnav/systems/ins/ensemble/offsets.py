@@ -1,7 +1,8 @@
 """Errors of what sensors know of their own place or of others, a boresight or a map: their tables.
 
-An innovation is exact in them, as in the errors of the navigator. Their first order is in the linear closed loop, whose
-errors are added up beside the samples: it is part of the constant errors and of the responses to the filter's states.
+Innovations and responses are exact in them, as in the errors of the navigator. Their first order is in the linear
+closed loop, whose errors are added up beside the samples: it is part of the constant errors and of the responses to the
+filter's states.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from mcnav.arrays.types import IndexArray
-from mcnav.systems.ins.ensemble.updates import OffsetTables
+from mcnav.systems.ins.ensemble.own_responses import OffsetTables
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop
 from mcnav.systems.ins.sensors.aiding import Sensor, aiding_constants
 from mcnav.systems.ins.sensors.quantity import OFFSETS

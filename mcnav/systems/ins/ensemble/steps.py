@@ -115,7 +115,7 @@ def deviations_of(errors: int, biases: int, keep: Rooms = room, started: Rooms =
         Makes those that `start` fills: the same, unless each block of steps begins with it.
     """
     return Deviations(
-        keep(4), keep(6), keep(9), started(3), started(3), keep(errors), keep(biases), room(9), room(9), keep(1),
+        keep(4), keep(6), keep(9), started(3), started(3), keep(errors), keep(biases), keep(9), room(9), keep(1),
         room(2), room(6), room(3), room(3), room(3),
     )  # fmt: skip
 
@@ -172,6 +172,7 @@ def place(i: int, errors: Array, linear: Array, state: Array, samples: Deviation
         samples.turn[r, i] = state[r]
     for r in range(9):
         samples.linear[r, i] = linear[r]
+        samples.response[r, i] = 0.0
     for r in range(6):
         samples.moved[r, i] = state[4 + r]
 

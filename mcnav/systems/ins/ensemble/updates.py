@@ -14,8 +14,17 @@ from mcnav.compiled.lanes import half_turn_of_square
 from mcnav.compiled.vectors import Rooms, Vector, load, room, store, where
 from mcnav.systems.ins.ensemble.filters import SIX, FilterUpdates, room_for
 from mcnav.systems.ins.ensemble.innovations import INNOVATION
+from mcnav.systems.ins.ensemble.own_responses import (
+    DelayTables,
+    OffsetTables,
+    change_late,
+    find_offset,
+    respond_to_offset,
+    scale_responses,
+)
 from mcnav.systems.ins.ensemble.steps import Deviations, turn_less_one
 from mcnav.systems.ins.filter.consistency import COUNTS
+from mcnav.systems.ins.filter.model import NAVIGATION
 from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors
 from mcnav.systems.ins.sensors.measurements import Measurements
 from mcnav.systems.ins.sensors.registry import KINDS, QUANTITIES
@@ -41,12 +50,15 @@ class UpdateTables(NamedTuple):
         Responses to those of the filter's states that are errors of sensors.
     linked : ndarray of int
         Those of them that any innovation responds to.
+    scales : ndarray of int, shape (U, M)
+        Number of the state that is the scale factor of a component, -1 for none.
     swings : RateTables
     faulty : ndarray of bool, shape (U,)
         Whether an update has a fault.
     faults : ndarray, shape (U, M)
         What faults add to the measurements.
     offsets : OffsetTables
+    delays : DelayTables
     """
 
     sensors: IndexArray
@@ -67,11 +79,13 @@ class UpdateTables(NamedTuple):
     adjoint: Array
     lags: NDArray[np.bool_]
     linked: IndexArray
+    scales: IndexArray
     of_filter: FilterUpdates
     swings: RateTables
     faulty: NDArray[np.bool_]
     faults: Array
     offsets: OffsetTables
+    delays: DelayTables
 
 
 class RateTables(NamedTuple):
@@ -101,28 +115,6 @@ class RateTables(NamedTuple):
     states: Array
     drifting: IndexArray
     estimated: IndexArray
-
-
-class OffsetTables(NamedTuple):
-    """Tables of the errors o of a sensor's `mcnav.systems.ins.sensors.quantity.OFFSETS` in U updates.
-
-    Attributes
-    ----------
-    errors, states : ndarray of int, shape (U, 3)
-        Number of the sensors' constant error that is not zero, and of the filter's state, of each axis; -1 for none.
-    present : ndarray of bool, shape (U,)
-        Whether an update's sensor has any.
-    axes : ndarray, shape (U, 3, 3)
-        Inertial axes, by columns.
-    rows : ndarray, shape (U, M, 3)
-        Responses of the innovations to them.
-    """
-
-    errors: IndexArray
-    states: IndexArray
-    present: NDArray[np.bool_]
-    axes: Array
-    rows: Array
 
 
 def along_truth(measured: Measurements) -> NDArray[np.bool_]:
@@ -157,6 +149,8 @@ class Estimates(NamedTuple):
         Velocity of the antenna by the error of that rate, and what of it is not the gyros' own errors.
     offset, known : ndarray, shape (3, LANES)
         Errors of the sensor's offset less what is estimated of them, in inertial axes and in their own.
+    of_offset : ndarray, shape (3, LANES)
+        Responses of a component to them, in inertial axes.
     accepted : ndarray, shape (1, LANES)
     before : ndarray, shape (sensors, 3 C, LANES)
         Whitened innovation of each sensor's update before.
@@ -177,6 +171,7 @@ class Estimates(NamedTuple):
     corrected: Array
     offset: Array
     known: Array
+    of_offset: Array
     accepted: Array
     before: Array
     tally: Array
@@ -200,7 +195,8 @@ def estimates_of(
     size = room_for(most)
     return Estimates(
         keep(states), keep(aiding), drifting(components), drifting(components), room(size), room(size), room(size),
-        room(3), room(3), room(3), room(3), room(3), room(3), room(1), keep(sensors, size), keep(sensors, COUNTS),
+        room(3), room(3), room(3), room(3), room(3), room(3), room(3), room(1),
+        keep(sensors, size), keep(sensors, COUNTS),
     )  # fmt: skip
 
 
@@ -292,30 +288,16 @@ def _swing(u: int, spin: float, rates: RateTables, turned: Array, own: Estimates
 
 
 @allocation_free_part
-def _offset(u: int, tables: OffsetTables, own: Estimates) -> None:
-    """Compute what errors of a sensor's offset are left after the filter's estimates."""
-    for j in range(THREE):
-        left = 0.0 * load(own.disturbance, 0)
-        if tables.errors[u, j] >= 0:
-            left += load(own.aiding, tables.errors[u, j])
-        if tables.states[u, j] >= 0:
-            left -= load(own.estimate, tables.states[u, j])
-        store(own.known, j, left)
-    a, b, c = load(own.known, 0), load(own.known, 1), load(own.known, 2)
-    for i in range(THREE):
-        store(own.offset, i, tables.axes[u, i, 0] * a + tables.axes[u, i, 1] * b + tables.axes[u, i, 2] * c)
-
-
-@allocation_free_part
 def innovate(
     u: int, m: int, constants: Array, tables: UpdateTables, samples: Deviations, rows: Array, own: Estimates
 ) -> None:
-    """Compute the innovations of the samples, and their responses to errors about each sample's own attitude.
+    """Compute the innovations of the samples, and their responses to errors about each sample's own state.
 
     Parameters
     ----------
-    rows : ndarray, shape (3 C, 9, LANES)
-        Or none, if the responses are not needed; those along the truth are computed for Joseph's form alone.
+    rows : ndarray, shape (3 C, 9 + q, LANES)
+        Or with more columns, or none if the responses are not needed; those along the truth are computed for Joseph's
+        form alone.
     """
     turn, turned, moved = samples.turn, samples.turned, samples.moved
     plain = tables.of_filter.along_truth[u]
@@ -329,22 +311,40 @@ def innovate(
     vx, vy, vz = load(moved, 0) + spin * y, load(moved, 1) - spin * x, load(moved, 2)  # over the earth
     if wanted:
         for c in range(THREE * ((m + 2) // THREE)):
-            for r in range(9):
+            for r in range(NAVIGATION):
                 store(rows, (c, r), 0.0)
+            for s in tables.of_filter.linked:
+                if tables.of_filter.responding[u, s]:
+                    for e in range(THREE):
+                        response = tables.of_filter.state_rows[u, c // THREE, s, THREE * (c % THREE) + e]
+                        store(rows, (c, NAVIGATION + THREE * s + e), response)
     shared = MeasurementTables(
         tables.directions, tables.parameters, tables.places, tables.swings.levers, tables.swings.swinging, constants
     )
     offsets = tables.offsets
     if offsets.present[u]:
-        _offset(u, offsets, own)
-    errors = NavigatorErrors(x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected, own.offset)
+        find_offset(u, offsets, own.aiding, own.estimate, own.known, own.offset)
+    errors = NavigatorErrors(
+        x, y, z, vx, vy, vz, turn, turned, own.rotation, own.swing, own.corrected, own.offset,
+        own.of_offset,
+    )  # fmt: skip
     for c in range(m):
         value = INNOVATION(tables.innovations[u, c], -load(own.disturbance, c), u, c, shared, errors, rows, wanted)
+        change, scale = value + load(own.disturbance, c), tables.scales[u, c]
+        if wanted and tables.delays.present[u]:
+            value -= change_late(u, c, tables.delays, errors, samples.response, rows, own.estimate)
+        if scale >= 0:
+            factor = load(own.estimate, scale)
+            value += factor * change
+            if wanted:
+                scale_responses(c, scale, change, factor, rows, own.of_offset)
         for s in tables.linked:
             value -= tables.state_rows[u, c, s] * load(own.estimate, s)
         if offsets.present[u]:  # the first order is in the disturbance and in the responses to states already
             for j in range(THREE):
                 value -= offsets.rows[u, c, j] * load(own.known, j)
+            if wanted:
+                respond_to_offset(u, c, offsets, own.of_offset, rows)
         store(own.innovation, c, value)
 
 

@@ -277,9 +277,10 @@ class SensorModel:
             turned = true.turns.get(reference)
             difference = QUANTITIES[quantity].compare(at if turned is None else replace(at, turned=turned))
             innovation[places] = difference.value[axes] + added[places] - offset[places]
-            response[places, :NAVIGATION] = difference.navigation[axes]
+            scales = 1.0 + scaled[places, None]  # what is predicted is multiplied by them
+            response[places, :NAVIGATION] = scales * difference.navigation[axes]
             if difference.others is not None:
-                response[places, NAVIGATION:] += difference.others[axes]
+                response[places, NAVIGATION:] += scales * difference.others[axes]
             if difference.flexure is not None and difference.true_flexure is not None:
                 of_states = difference.flexure[axes] @ self._bends
                 innovation[places] += of_states @ estimates
@@ -292,7 +293,6 @@ class SensorModel:
                 true_value = difference.true[axes]
                 predicted = true_value + difference.value[axes]
                 innovation[places] += scaled[places] * predicted - factors[places] * true_value
-                response[places, :NAVIGATION] *= 1.0 + scaled[places, None]
                 response[places, NAVIGATION:] -= self._scaled[places] * predicted[:, None]
             if self._delays.any():
                 changes = change_as_indicated(replace(at, true=stamped), QUANTITIES[quantity], reference)[axes]

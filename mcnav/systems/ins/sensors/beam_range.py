@@ -23,6 +23,8 @@ from mcnav.systems.ins.sensors.innovation import (
     NavigatorErrors,
     change_by_boresight,
     change_by_turn,
+    change_by_turn_back,
+    store_response,
     store_three,
 )
 from mcnav.systems.ins.sensors.quantity import BEAMS, Geometry, QuantityDefinition
@@ -93,6 +95,10 @@ def innovation(
         # from the unit to where the beam meets the ground
         ex, ey, ez = lx + tx + distance * ex, ly + ty + distance * ey, lz + tz + distance * ez
         store_three(rows, c, 0, ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx)
+        # d x R^T s n, to boresight errors
+        tx, ty, tz = change_by_turn_back(errors.turned, nx, ny, nz)
+        nx, ny, nz = distance * (nx + tx), distance * (ny + ty), distance * (nz + tz)
+        store_response(errors, dy * nz - dz * ny, dz * nx - dx * nz, dx * ny - dy * nx)
     return value
 
 

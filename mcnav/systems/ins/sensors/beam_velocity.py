@@ -3,7 +3,7 @@
 With the velocity u over the earth, the body's rate w over it, the lever arm L and the deviations v and x, all in
 inertial axes, the innovation along a beam of the direction d is ::
 
-    R (d + b x d) . (u + v - W x x) - d . u + (b x d) . (w x L) + d . (e x L)
+    R (d + b x d) . (u + v - W x x) - d . u + (b x d) . ((w + e) x L) + d . (e x L)
 
 The navigator has the beam, the arm and the rate of its gyros in the body's axes, so that ``d . (w x L)`` itself is not
 turned; e is the error of its rate over the earth (`mcnav.systems.ins.sensors.velocity`), and b are boresight errors
@@ -27,6 +27,8 @@ from mcnav.systems.ins.sensors.innovation import (
     NavigatorErrors,
     change_by_boresight,
     change_by_turn,
+    change_by_turn_back,
+    store_response,
     store_three,
 )
 from mcnav.systems.ins.sensors.quantity import BEAMS, Geometry, QuantityDefinition, SensorType
@@ -62,7 +64,7 @@ def geometry(along: Surroundings, axis: int) -> Geometry:
 def innovation(
     value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
 ) -> Vector:
-    """Add ``R (d + b x d) . (u + v - W x x) - d . u + (b x d) . (w x L)``, and with a lever arm ``d . (e x L)``.
+    """Add ``R (d + b x d) . (u + v - W x x) - d . u + (b x d) . ((w + e) x L) + d . (e x L)``.
 
     The responses are those of the navigator's own velocity and beam.
     """
@@ -70,22 +72,29 @@ def innovation(
     dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
     ax, ay, az = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
     bx, by, bz = change_by_boresight(errors.offset, dx, dy, dz)
-    wx, wy, wz = tables.parameters[u, c, 3], tables.parameters[u, c, 4], tables.parameters[u, c, 5]
+    zero = 0.0 * errors.x
+    wx, wy, wz = zero + tables.parameters[u, c, 3], zero + tables.parameters[u, c, 4], zero + tables.parameters[u, c, 5]
+    if tables.swinging[u]:  # d . (e x L) of the gyros' own errors is in the value already
+        wx, wy, wz = wx + load(errors.swing, 0), wy + load(errors.swing, 1), wz + load(errors.swing, 2)
+        value += dx * load(errors.corrected, 0) + dy * load(errors.corrected, 1) + dz * load(errors.corrected, 2)
     value += bx * wx + by * wy + bz * wz
     ex, ey, ez = change_by_turn(errors.turned, dx + bx, dy + by, dz + bz)
     ex, ey, ez = bx + ex, by + ey, bz + ez
     value += ex * ax + ey * ay + ez * az
     ex, ey, ez = dx + ex, dy + ey, dz + ez
     value += ex * errors.vx + ey * errors.vy + ez * errors.vz
-    if tables.swinging[u]:  # d . (e x L) of the gyros' own errors is in the value already
-        value += dx * load(errors.corrected, 0) + dy * load(errors.corrected, 1) + dz * load(errors.corrected, 2)
     if wanted:
         ux, uy, uz = ax + errors.vx, ay + errors.vy, az + errors.vz  # the navigator's own velocity over the earth
         px, py, pz = ey * uz - ez * uy, ez * ux - ex * uz, ex * uy - ey * ux
+        # d x (R^T u + w x L), to boresight errors
+        tx, ty, tz = change_by_turn_back(errors.turned, ux, uy, uz)
+        tx, ty, tz = ux + tx + wx, uy + ty + wy, uz + tz + wz
+        store_response(errors, dy * tz - dz * ty, dz * tx - dx * tz, dx * ty - dy * tx)
         if tables.swinging[u]:
-            # W x R (L x d)
+            # W x R (L x (d + b x d))
             fx, fy, fz = tables.levers[u, 0], tables.levers[u, 1], tables.levers[u, 2]
-            mx, my, mz = fy * dz - fz * dy, fz * dx - fx * dz, fx * dy - fy * dx
+            bx, by, bz = dx + bx, dy + by, dz + bz
+            mx, my, mz = fy * bz - fz * by, fz * bx - fx * bz, fx * by - fy * bx
             qx, qy, _ = change_by_turn(errors.turned, mx, my, mz)
             px, py = px - spin * (my + qy), py + spin * (mx + qx)
         store_three(rows, c, 0, px, py, pz)

@@ -44,10 +44,8 @@ def reference_of(kind: str, quantity: str) -> Reference:
     return SENSOR_TYPES[kind].references.get(quantity, own) if kind in SENSOR_TYPES else own
 
 
-def change_along_truth(
-    along: Surroundings, geometry: Geometry, quantity: QuantityDefinition, reference: Reference
-) -> Array:
-    """Return h' of a component along the truth, shape (u,), in its unit per second."""
+def motion_along_truth(along: Surroundings, quantity: QuantityDefinition, reference: Reference) -> Array:
+    """Return how psi, v and x of the truth change as a quantity is measured, shape (u, 9)."""
     spin, velocity = np.array([0.0, 0.0, along.spin]), along.velocity
     turn = np.einsum("nij,nj->ni", along.body, along.turning)
     if quantity.of_instruments:
@@ -56,10 +54,18 @@ def change_along_truth(
     change = felt - np.cross(spin, 2.0 * velocity + np.cross(spin, along.position))
     axes_turn = _axes_turn_along_truth(along, reference, spin)
     turn, change = turn - axes_turn, change - np.cross(axes_turn, velocity)
-    motion = np.concatenate([turn, change + np.cross(spin, velocity), velocity], axis=1)
+    return np.concatenate([turn, change + np.cross(spin, velocity), velocity], axis=1)
+
+
+def change_along_truth(
+    along: Surroundings, geometry: Geometry, quantity: QuantityDefinition, reference: Reference
+) -> Array:
+    """Return h' of a component along the truth, shape (u,), in its unit per second."""
+    motion = motion_along_truth(along, quantity, reference)
     result = np.einsum("ni,ni->n", geometry.row, motion)
     if quantity.swings and along.lever_arm.any():
-        swirl = np.einsum("nij,nj->ni", along.body, along.swirling) - np.cross(turn, spin)
+        spin = np.array([0.0, 0.0, along.spin])
+        swirl = np.einsum("nij,nj->ni", along.body, along.swirling) - np.cross(motion[:, :3], spin)
         result += np.einsum("ni,ni->n", np.cross(along.lever, geometry.direction), swirl)
     return np.asarray(result)
 

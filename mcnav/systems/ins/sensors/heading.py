@@ -62,14 +62,24 @@ def _heading_change(u: int, c: int, axes: Array, turned: Array) -> Vector:
 def innovation(
     value: Vector, u: int, c: int, tables: MeasurementTables, errors: NavigatorErrors, rows: Array, wanted: bool
 ) -> Vector:
-    """Add the change of the heading by the turn, and by the local axes at the navigator's own position."""
-    dx, dy, dz = tables.directions[u, c, 0], tables.directions[u, c, 1], tables.directions[u, c, 2]
+    """Add the change of the heading by the turn, and by the local axes at the navigator's own position.
+
+    With the own forward axis f the response to psi is ``f x (f_n e - f_e n) / (f_n^2 + f_e^2)``.
+    """
     ax, ay, az = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
     turned = _heading_change(u, c, tables.parameters, errors.turned)
     value += turned + (ax * errors.x + ay * errors.y + az * errors.z)
     if wanted:
-        zero = 0.0 * errors.x
-        store_three(rows, c, 0, zero + dx, zero + dy, zero + dz)
+        zero, axes = 0.0 * errors.x, tables.parameters
+        dx, dy, dz = change_by_turn(errors.turned, axes[u, c, 9], axes[u, c, 10], axes[u, c, 11])
+        dx, dy, dz = axes[u, c, 9] + dx, axes[u, c, 10] + dy, axes[u, c, 11] + dz
+        north = axes[u, c, 3] * dx + axes[u, c, 4] * dy + axes[u, c, 5] * dz
+        east = axes[u, c, 6] * dx + axes[u, c, 7] * dy + axes[u, c, 8] * dz
+        share = 1.0 / (north * north + east * east)
+        north, east = share * north, share * east
+        px, py = north * axes[u, c, 6] - east * axes[u, c, 3], north * axes[u, c, 7] - east * axes[u, c, 4]
+        pz = north * axes[u, c, 8] - east * axes[u, c, 5]
+        store_three(rows, c, 0, dy * pz - dz * py, dz * px - dx * pz, dx * py - dy * px)
         store_three(rows, c, 6, zero + ax, zero + ay, zero + az)
     return value
 

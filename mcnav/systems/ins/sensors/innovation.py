@@ -66,6 +66,8 @@ class NavigatorErrors(NamedTuple):
         Velocity of the antenna by the error of the navigator's rate, and what of it is not the gyros' own errors, m/s.
     offset : ndarray, shape (3, LANES)
         Errors of a sensor's `mcnav.systems.ins.sensors.quantity.OFFSETS`, less what the filter has estimated of them.
+    of_offset : ndarray, shape (3, LANES)
+        Room for the responses of one component to them.
     """
 
     x: Vector
@@ -80,6 +82,7 @@ class NavigatorErrors(NamedTuple):
     swing: Array
     corrected: Array
     offset: Array
+    of_offset: Array
 
 
 @inlined
@@ -106,6 +109,24 @@ def change_by_turn(turned: Array, x: float, y: float, z: float) -> tuple[Vector,
         load(turned, 3) * x + load(turned, 4) * y + load(turned, 5) * z,
         load(turned, 6) * x + load(turned, 7) * y + load(turned, 8) * z,
     )
+
+
+@inlined
+def change_by_turn_back(turned: Array, x: Vector, y: Vector, z: Vector) -> tuple[Vector, Vector, Vector]:
+    """Compute by how much the opposite rotations change vectors, with ``(R - I)^T``."""
+    return (
+        load(turned, 0) * x + load(turned, 3) * y + load(turned, 6) * z,
+        load(turned, 1) * x + load(turned, 4) * y + load(turned, 7) * z,
+        load(turned, 2) * x + load(turned, 5) * y + load(turned, 8) * z,
+    )
+
+
+@inlined
+def store_response(errors: NavigatorErrors, x: Vector, y: Vector, z: Vector) -> None:
+    """Write the responses of one component to errors of the sensor's offset."""
+    store(errors.of_offset, 0, x)
+    store(errors.of_offset, 1, y)
+    store(errors.of_offset, 2, z)
 
 
 @inlined

@@ -4,8 +4,8 @@ With the place l of the landmark, s = l - r and the unit vector e(s), the innova
 ``R d . e(s - x + m) - d . e(s)``; its parameters are s. The map's error m, that of the place which the navigator takes
 less the true one, is constant, and the same for all measurements of the landmark.
 
-A filter cannot tell a shift of the vehicle from the same shift of the map. Its responses to x are therefore those at
-the true place, as its responses to m are: with those at each sample's own place it would believe that it can.
+A filter cannot tell a shift of the vehicle from the same shift of the map: its responses to m are the opposite of
+those to x, both at the place that the navigator takes.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from mcnav.systems.ins.sensors.innovation import (
     NavigatorErrors,
     change_by_turn,
     seen_from,
+    store_response,
     store_three,
 )
 from mcnav.systems.ins.sensors.quantity import FurtherKey, Geometry, QuantityDefinition, SensorType
@@ -75,10 +76,10 @@ def innovation(
     value += ex * (px - ux) + ey * (py - uy) + ez * (pz - uz)
     if wanted:
         store_three(rows, c, 0, ey * pz - ez * py, ez * px - ex * pz, ex * py - ey * px)
-        along = ex * ux + ey * uy + ez * uz
-        store_three(
-            rows, c, 6, inverse * (along * ux - ex), inverse * (along * uy - ey), inverse * (along * uz - ez)
-        )  # fmt: skip
+        along = ex * px + ey * py + ez * pz
+        ex, ey, ez = nearer * (ex - along * px), nearer * (ey - along * py), nearer * (ez - along * pz)
+        store_three(rows, c, 6, -ex, -ey, -ez)
+        store_response(errors, ex, ey, ez)
     return value
 
 

@@ -14,7 +14,13 @@ from mcnav.compiled.jit import allocation_free_part
 from mcnav.compiled.vectors import Vector
 from mcnav.systems.ins.reference.axes import POSITION
 from mcnav.systems.ins.sensors.comparison import Comparison, Difference, responses
-from mcnav.systems.ins.sensors.innovation import MeasurementTables, NavigatorErrors, seen_from, store_three
+from mcnav.systems.ins.sensors.innovation import (
+    MeasurementTables,
+    NavigatorErrors,
+    seen_from,
+    store_response,
+    store_three,
+)
 from mcnav.systems.ins.sensors.landmark_direction import landmark_axes
 from mcnav.systems.ins.sensors.quantity import Geometry, QuantityDefinition
 from mcnav.systems.ins.sensors.surroundings import Surroundings
@@ -38,11 +44,12 @@ def innovation(
     """Add ``|s - x + m| - |s|``."""
     sx, sy, sz = tables.parameters[u, c, 0], tables.parameters[u, c, 1], tables.parameters[u, c, 2]
     px, py, pz = seen_from(errors, sx, sy, sz)
-    distance, zero = np.sqrt(sx * sx + sy * sy + sz * sz), 0.0 * errors.x
-    value += np.sqrt(px * px + py * py + pz * pz) - distance
+    distance = np.sqrt(px * px + py * py + pz * pz)
+    value += distance - np.sqrt(sx * sx + sy * sy + sz * sz)
     if wanted:
-        share = -1.0 / distance  # along the truth, as the responses to the map's error
-        store_three(rows, c, 6, zero + share * sx, zero + share * sy, zero + share * sz)
+        share = 1.0 / distance
+        store_three(rows, c, 6, -share * px, -share * py, -share * pz)
+        store_response(errors, share * px, share * py, share * pz)
     return value
 
 

@@ -134,7 +134,8 @@ class QuantityDefinition:
         Kernel of the ensemble, an `allocation_free_part`: ``innovation(value, u, c, tables, errors, rows, wanted)``
         returns the value with the innovation of component c of update u added. If wanted, it writes the responses about
         each sample's own attitude to ``rows[c]``, which are zero before (`store_three`). Of a sensor with errors of
-        `OFFSETS` it takes ``errors.offset``, of which the first order is subtracted afterwards.
+        `OFFSETS` it takes ``errors.offset``, of which the first order is subtracted afterwards, and if wanted it writes
+        the responses to them (`store_response`).
     compare : callable
         ``compare(comparison)``: the difference of a navigator of the reference engine and the truth, along all axes.
     scaled : bool
