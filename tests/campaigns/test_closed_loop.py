@@ -22,6 +22,7 @@ from mcnav.studies.linearity import linearity_study
 from mcnav.systems.closed_loop.sizes import LoopSizes
 from mcnav.systems.user.conformance import check_conformance
 from mcnav.workflow.analyse import samples_of
+from mcnav.workflow.run import run_campaign
 from tests.closed_loops import CAMPAIGNS, FILE, SHIPPED, campaign, tables
 from tests.commands import in_process
 from tests.runs import simulate
