@@ -247,13 +247,19 @@ def test_usual_mistakes(tmp_path: Path) -> None:
             assert re.fullmatch(rf"error: {expected}\n", done.stderr), done.stderr
 
 
-def test_an_interrupt_is_its_ordinary_end(tmp_path: Path) -> None:
+@pytest.mark.posix
+def test_an_interrupt_is_its_ordinary_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command says what is next, and prints no error; a termination ends it as others."""
+
+    def interrupted(*content: Any) -> None:
+        Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+        answer_requests(*content)
+
+    monkeypatch.setattr("mcnav.studies.live_server.answer_requests", interrupted)
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, interrupts._interrupt)
-        Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
         done = invoke("live", CRUISE, cwd=tmp_path)
         assert re.fullmatch(rf"page: http://127\.0\.0\.1:\d+/\S{{32}}/\nCtrl-C ends it\n\nnext: mcnav run {CRUISE}\n",
                             done.stdout)  # fmt: skip
