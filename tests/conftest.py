@@ -60,6 +60,8 @@ INERTIAL = (
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark every test with the folder it is in, and order them; `pyproject.toml` lists what each folder costs.
 
+    On Windows tests that need POSIX are skipped.
+
     Workers begin with equal parts of the tests, and take from each other's last ones when they have done their own. The
     first begins by compiling what is inertial, the second what is not, and both and the others go on with tests that
     need nothing else; a file's tests stay together, and short ones come last, so that no worker compiles what another
@@ -69,6 +71,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if FOLDER in item.path.parent.parents:  # examples of modules beside this file have no folder
             item.add_marker(item.path.relative_to(FOLDER).parts[0])
+        if os.name == "nt" and item.get_closest_marker("posix"):
+            item.add_marker(pytest.mark.skip(reason="needs POSIX"))
         files.setdefault(BROWSER if BROWSER in item.path.parents else item.path, []).append(item)
     inertial, others = (
         [files.pop(FOLDER / name) for name in names if FOLDER / name in files] for names in (INERTIAL, NOT_INERTIAL)

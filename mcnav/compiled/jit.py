@@ -27,7 +27,6 @@ from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
-from numba.core import event
 
 from mcnav.compiled.numba_private import (
     give_entry,
@@ -36,6 +35,7 @@ from mcnav.compiled.numba_private import (
     keep_inlined,
     keep_values,
     known_options,
+    listen_to_compiling,
     loop_options,
     number_at_random,
     part_options,
@@ -48,11 +48,11 @@ from mcnav.execution.progress import COMPILATION, NotCompiled
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-class _Watch(event.Listener):  # type: ignore[misc]
+class _Watch:
     """Counts what is compiled, and lets no memory be collected meanwhile: most of it lasts.
 
     Looking through it would take a twentieth of the time. One function is compiled at a time, in whichever thread,
-    with others that it calls within it.
+    with others that it calls within it. Where numba tells nothing, nothing is counted or refused.
     """
 
     _collects = True
@@ -74,7 +74,7 @@ class _Watch(event.Listener):  # type: ignore[misc]
             gc.enable()
 
 
-event.register("numba:compile", _Watch())
+listen_to_compiling(_Watch)
 choose_target()
 number_at_random()
 keep_call_types()

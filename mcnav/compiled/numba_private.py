@@ -15,8 +15,6 @@ from typing import Any, Final
 
 import numba
 from numba import types
-from numba.core import ir
-from numba.core.cgutils import unpack_tuple
 from numba.extending import intrinsic
 
 NUMBERS: Final = "numbers"
@@ -27,6 +25,7 @@ PARTS: Final = "parts"
 STORED: Final = "stored"
 LITERALS: Final = "literals"
 ADDRESSES: Final = "addresses"
+EVENTS: Final = "events"
 
 PRIVATE: Final[Mapping[str, tuple[str, ...]]] = {
     NUMBERS: ("numba.core.bytecode.FunctionIdentity._unique_ids",),
@@ -39,6 +38,9 @@ PRIVATE: Final[Mapping[str, tuple[str, ...]]] = {
         "numba.core.analysis.compute_cfg_from_blocks",
         "numba.core.analysis.compute_use_defs",
         "numba.core.analysis.must_use_alloca",
+        "numba.core.controlflow.CFGraph.dominators",
+        "numba.core.ir.Assign",
+        "numba.core.ir.Block.find_insts",
         "numba.core.lowering.Lower._find_singly_assigned_variable",
     ),
     INLINED: ("numba.core.inline_closurecall.InlineWorker.run_untyped_passes",),
@@ -64,8 +66,12 @@ PRIVATE: Final[Mapping[str, tuple[str, ...]]] = {
     ADDRESSES: (
         "numba.core.callconv.CPUCallConv.call_function",
         "numba.core.callconv.CPUCallConv.get_function_type",
+        "numba.core.cgutils.unpack_tuple",
         "numba.core.codegen.JITCodeLibrary.get_pointer_to_function",
+        "numba.core.compiler.CompileResult.fndesc",
+        "numba.core.funcdesc.FunctionDescriptor.llvm_func_name",
     ),
+    EVENTS: ("numba.core.event.Listener", "numba.core.event.register"),
 }
 """Names by what they serve."""
 
@@ -173,7 +179,8 @@ def keep_values() -> None:
     def find_values(self: Any) -> None:
         find(self)
         if not (getattr(self.context, "enable_nrt", True) or self.func_ir.func_id.is_generator):
-            self._singly_assigned_vars |= _values_beyond_blocks(self.func_ir.blocks)
+            values: set[str] = getattr(self, "_singly_assigned_vars", set())
+            values |= _values_beyond_blocks(self.func_ir.blocks)
 
     lower._find_singly_assigned_variable = find_values
 
@@ -181,8 +188,9 @@ def keep_values() -> None:
 def _values_beyond_blocks(blocks: Mapping[int, Any]) -> set[str]:
     """Return variables that are assigned once, in a block that each block that uses them comes after on every way."""
     graph, of_blocks, in_memory = (find_name(name)(blocks) for name in PRIVATE[VALUES][:3])
+    assign = find_name("numba.core.ir.Assign")
     ways, assigned = graph.dominators(), Counter(
-        statement.target.name for block in blocks.values() for statement in block.find_insts(ir.Assign)
+        statement.target.name for block in blocks.values() for statement in block.find_insts(assign)
     )  # fmt: skip
     used = defaultdict(list)
     for label, names in of_blocks.usemap.items():
@@ -241,7 +249,11 @@ def _pipelines() -> tuple[type, type]:
         """Code that is optimised once, with all that it calls."""
 
         def _optimize_functions(self, module: Any) -> None:
-            module.data_layout = self._codegen._data_layout
+            layout = getattr(self.codegen, "_data_layout", None)
+            if layout is None:  # of another numba
+                super()._optimize_functions(module)
+            else:
+                module.data_layout = layout
 
     class PartCompiler(compiler):  # type: ignore[misc, valid-type]
         """Compiler of parts. They are not stored: their callers are."""
@@ -338,9 +350,17 @@ def call_by_address(arguments: tuple[Any, ...] = ()) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             convention, returned = context.call_conv, taken[0]
             function = convention.get_function_type(returned, taken).as_pointer()
-            pointer, passed = builder.inttoptr(values[0], function), unpack_tuple(builder, values[1])
+            pointer = builder.inttoptr(values[0], function)
+            passed = find_name("numba.core.cgutils.unpack_tuple")(builder, values[1])
             return convention.call_function(builder, pointer, returned, taken, passed)[1]
 
         return taken[0](address, types.StarArgTuple(taken)), generate
 
     return call
+
+
+def listen_to_compiling(listener: type) -> None:
+    """Tell an object of a class when a function begins and ends to be compiled; nobody where numba tells nothing."""
+    if has(EVENTS):
+        base, register = map(find_name, PRIVATE[EVENTS])
+        register("numba:compile", type(listener.__name__, (listener, base), {})())

@@ -84,7 +84,7 @@ def libraries() -> tuple[str, ...]:
 
 
 def _python() -> str:
-    return f"{sys.implementation.cache_tag}{sys.abiflags}"
+    return f"{sys.implementation.cache_tag}{getattr(sys, 'abiflags', '')}"  # Windows has no such flags
 
 
 @cache

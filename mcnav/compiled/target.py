@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 import llvmlite.binding as llvm
-from numba.core import config
+from numba import config
 
 LEVELS: Final = {
     "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl",
@@ -79,4 +79,4 @@ def target() -> str:
     """
     choose_target()
     name = str(config.CPU_NAME or llvm.get_host_cpu_name())
-    return f"{name} with SVML" if config.USING_SVML else name
+    return f"{name} with SVML" if getattr(config, "USING_SVML", False) else name

@@ -17,7 +17,7 @@ import sysconfig
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -32,10 +32,13 @@ SETTLED_AFTER: Final = 2.0
 LONGEST_NAME: Final = 100
 """Characters."""
 
-_SYSTEM: Final = (
+_UNIX: Final = (
     "/proc", "/dev", "/sys", "/etc", "/run", "/usr/lib", "/usr/lib64", "/lib", "/lib64", "/usr/share/fonts",
     "/usr/share/fontconfig", "/usr/share/locale", "/usr/share/mime", "/usr/share/terminfo", "/usr/share/zoneinfo",
 )  # fmt: skip
+_MACOS: Final = ("/System", "/Library", "/private/etc", "/private/var/db", "/var/db")
+_WINDOWS: Final = ("SystemRoot", "ProgramFiles", "ProgramFiles(x86)", "ProgramW6432")
+"""Names in the environment of the folders of Windows and of installed programs."""
 _IGNORED_PART: Final = re.compile(r"__pycache__|\.cache|\.matplotlib|.*\.(?:egg|dist)-info")
 _IGNORED_SUFFIX: Final = frozenset({".py", ".pyc", ".pyi", ".so", ".pyd", ".dll", ".nbi", ".nbc", ".pth"})
 
@@ -219,24 +222,40 @@ def record_opened_files() -> Iterator[OpenedFiles]:
         _active[:] = [watched for watched in _active if watched is not files]
 
 
+def system_places(platform: str = sys.platform, environment: Mapping[str, str] = os.environ) -> tuple[str, ...]:
+    r"""Return the folders of an operating system, as `sys.platform` names it.
+
+    >>> system_places("win32", {"SystemRoot": "C:\\Windows"})
+    ('C:\\Windows',)
+    >>> "/System" in system_places("darwin", {}), "/System" in system_places("linux", {})
+    (True, False)
+    """
+    if platform == "win32":
+        return tuple(environment[name] for name in _WINDOWS if environment.get(name))
+    return (*_UNIX, *_MACOS) if platform == "darwin" else _UNIX
+
+
 @lru_cache(maxsize=1)
 def _system_folders() -> tuple[str, ...]:
-    """Return the folders of Python, installed packages, this program and the operating system."""
-    places = {*_SYSTEM, sys.prefix, sys.base_prefix, sys.exec_prefix, str(Path(__file__).parents[1])}
+    """Return the folders of Python, installed packages, this program, the operating system and the user's caches."""
+    from platformdirs import user_cache_path  # which most commands do without
+
+    places = {*system_places(), sys.prefix, sys.base_prefix, sys.exec_prefix, str(Path(__file__).parents[1])}
     places |= {*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()}
     places |= {
         os.environ.get(name, "") for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR", "NUMBA_CACHE_DIR", "MCNAV_CACHE_DIR")
     }
-    places |= {str(Path.home() / ".config" / "matplotlib")}
+    caches = (user_cache_path(name, appauthor=False) for name in ("mcnav", "numba", "matplotlib"))
+    places |= {str(Path.home() / ".config" / "matplotlib"), *map(str, caches)}
     kept = {str(form) for place in places if place for form in (Path(place).absolute(), Path(place).resolve())}
     shared = (str(Path.home()), tempfile.gettempdir(), os.sep)
-    return tuple(sorted(place + os.sep for place in kept if place not in shared))
+    return tuple(sorted(os.path.normcase(place) + os.sep for place in kept if place not in shared))
 
 
 def is_input(path: str) -> bool:
     """Return whether a file counts as an input, by its folder and name."""
     where = Path(path)
-    if any(place.startswith(_system_folders()) for place in (path, str(where.resolve()))):
+    if any(os.path.normcase(place).startswith(_system_folders()) for place in (path, str(where.resolve()))):
         return False
     return where.suffix not in _IGNORED_SUFFIX and not any(
         _IGNORED_PART.fullmatch(folder) for folder in where.parts[:-1]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import secrets
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -56,7 +57,7 @@ class LiveServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
-    allow_reuse_address = True
+    allow_reuse_address = os.name != "nt"  # Windows would let another program listen at the same port
 
     def __init__(self, port: int = 0) -> None:
         try:

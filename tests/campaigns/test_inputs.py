@@ -16,6 +16,7 @@ import pytest
 import mcnav
 from mcnav.config.read import read_campaign
 from mcnav.contract.engine import without_noise
+from mcnav.entries import inputs as opened_inputs
 from mcnav.entries.inputs import (
     InputFile,
     content_of,
@@ -23,6 +24,7 @@ from mcnav.entries.inputs import (
     is_input,
     record_opened_files,
     safe_name,
+    system_places,
     with_unique_names,
 )
 from mcnav.errors import CampaignError, RunFolderError
@@ -468,6 +470,28 @@ def test_what_counts_as_an_input(tmp_path: Path) -> None:
 )
 def test_places_of_inputs(path: str, counts: bool) -> None:
     assert is_input(path) is counts
+
+
+@pytest.mark.parametrize(
+    ("platform", "environment", "counted", "left_out"),
+    [
+        ("linux", {}, "/System/a.ttf", "/usr/share/fonts/a.ttf"),
+        ("darwin", {}, "/Users/a/Library/t.csv", "/System/Library/Fonts/a.ttc"),
+        ("darwin", {}, "/private/var/folders/t.csv", "/private/var/db/timezone/zoneinfo/UTC"),
+        ("win32", {"SystemRoot": "/c/Windows", "ProgramFiles": ""}, "/usr/lib/t.csv", "/c/Windows/Fonts/arial.ttf"),
+        ("win32", {"ProgramFiles": "/c/Program Files"}, "/c/Users/a/t.csv", "/c/Program Files/b/units.txt"),
+    ],
+)
+def test_folders_of_an_operating_system_hold_no_inputs(
+    monkeypatch: pytest.MonkeyPatch, platform: str, environment: dict[str, str], counted: str, left_out: str
+) -> None:
+    """Each has its own; which they are is a function of its name and of the environment."""
+    monkeypatch.setattr(opened_inputs, "system_places", lambda: system_places(platform, environment))
+    opened_inputs._system_folders.cache_clear()
+    try:
+        assert (is_input(counted), is_input(left_out)) == (True, False)
+    finally:
+        opened_inputs._system_folders.cache_clear()
 
 
 def test_names_are_safe_and_apart(tmp_path: Path) -> None:

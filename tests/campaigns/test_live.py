@@ -29,6 +29,9 @@ from tests.commands import invoke
 from tests.conftest import ROOT
 from tests.runs import vary
 
+TURNS = set(map(chr, (0x61C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))))
+"""Bidirectional control characters (Unicode, property Bidi_Control)."""
+
 CRUISE = ROOT / "campaigns" / "11_cruise.toml"
 
 FILTERED = """
@@ -244,13 +247,19 @@ def test_usual_mistakes(tmp_path: Path) -> None:
             assert re.fullmatch(rf"error: {expected}\n", done.stderr), done.stderr
 
 
-def test_an_interrupt_is_its_ordinary_end(tmp_path: Path) -> None:
+@pytest.mark.posix
+def test_an_interrupt_is_its_ordinary_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command says what is next, and prints no error; a termination ends it as others."""
+
+    def interrupted(*content: Any) -> None:
+        Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+        answer_requests(*content)
+
+    monkeypatch.setattr("mcnav.studies.live_server.answer_requests", interrupted)
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, interrupts._interrupt)
-        Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
         done = invoke("live", CRUISE, cwd=tmp_path)
         assert re.fullmatch(rf"page: http://127\.0\.0\.1:\d+/\S{{32}}/\nCtrl-C ends it\n\nnext: mcnav run {CRUISE}\n",
                             done.stdout)  # fmt: skip
@@ -280,10 +289,10 @@ def test_the_token_is_not_on_the_browser_s_command_line(tmp_path: Path, monkeypa
 def test_text_that_turns_is_shown_as_its_codes(tmp_path: Path) -> None:
     """In the page and in its state: such a name could read as another."""
     turned = tmp_path / "turned.toml"
-    named = re.sub(r'(?m)^name = ".*"', r'name = "a\\u202eb\\u2066c"', CRUISE.read_text(encoding="utf-8"))
+    named = re.sub(r'(?m)^name = ".*"', r'name = "a\\u202eb\\u2066c\\u200fd"', CRUISE.read_text(encoding="utf-8"))
     turned.write_text(named, encoding="utf-8")
     with served(LiveCampaign(turned, tmp_path, 1)) as server:
         for path in ("", "state"):
             text = ask(server, f"/{server.token}/{path}")[1]
-            assert not set(text) & set("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
-            assert path or "a[U+202E]b[U+2066]c" in text
+            assert not set(text) & TURNS
+            assert path or "a[U+202E]b[U+2066]c[U+200F]d" in text

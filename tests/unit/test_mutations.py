@@ -53,7 +53,7 @@ def test_every_change_parses_and_differs() -> None:
     """Lines are kept, and the text around the place; non-ASCII symbols and expressions of several lines included."""
     chance = random.Random(3)
     for path, site in chance.sample(candidates(ROOT, "statistics/"), 30):
-        source = (ROOT / path).read_text()
+        source = (ROOT / path).read_text(encoding="utf-8")
         for choice in site.choices:
             mutant = mutate(source, site, choice)
             assert ast.dump(ast.parse(mutant)) != ast.dump(ast.parse(source))

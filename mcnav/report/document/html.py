@@ -28,7 +28,7 @@ ICONS: Final = {
 }  # fmt: skip
 """Colour and sign of the window's icon, by tone: a tab shows no more."""
 
-_TURNS: Final = re.compile("[\u202a-\u202e\u2066-\u2069]")
+_TURNS: Final = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 """Bidirectional control characters (Unicode Standard Annex 9)."""
 
 SVG: Final = "http://www.w3.org/2000/svg"

@@ -4,6 +4,7 @@ import builtins
 import multiprocessing
 import os
 import signal
+import sys
 import types
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGABRT", "SIGFPE", "SIGILL", "SIGSEGV", "SIG_DFL", "SIG_IGN")
@@ -30,8 +31,24 @@ class Poorer(types.ModuleType):
         self.__dict__.update({name: value for name, value in vars(module).items() if name not in lacking})
 
 
+class WithoutFlags(types.ModuleType):
+    """The module ``sys`` without ``abiflags``; what is set here is set there."""
+
+    def __getattr__(self, name: str) -> object:
+        if name == "abiflags":
+            raise AttributeError(name)
+        return getattr(sys, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        setattr(sys, name, value)
+
+    def __delattr__(self, name: str) -> None:
+        delattr(sys, name)
+
+
 POORER = {"os": Poorer(os, LACKING["os"]), "signal": Poorer(signal, LACKING["signal"])}
 POORER["os"].name = "nt"
+POORER["sys"] = WithoutFlags("sys")
 load = builtins.__import__
 
 

@@ -93,7 +93,9 @@ def test_a_loop_claims_what_its_filter_believes(time: float, tmp_path: Path) -> 
     A step's error of the fourth order is (1 / 20)^5 / 120, 3e-9.
     """
     code = (Path(__file__).parents[3] / "campaigns" / "ranging.py").read_text(encoding="utf-8")
-    (tmp_path / "ranging.py").write_text(code.replace("cycle, end = 1.0, 120.0", "cycle, end = 1.0, 600.0"))
+    (tmp_path / "ranging.py").write_text(
+        code.replace("cycle, end = 1.0, 120.0", "cycle, end = 1.0, 600.0"), encoding="utf-8"
+    )
     (tmp_path / "drift.toml").write_text(DRIFT.format(time=time))
     campaign = campaign_from(tmp_path / "drift.toml")
     claimed, ratios = claimed_and_ratios(time, SIGMA**2, SIGMA**2)

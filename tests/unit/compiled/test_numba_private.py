@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from numba.extending import overload
 
 from mcnav.compiled import jit, numba_private
 from mcnav.compiled.numba_private import OPTIONS, PRIVATE, find_name, has
+from tests.conftest import PACKAGE
 
 NAMES = [(purpose, name) for purpose, names in PRIVATE.items() for name in names]
 
@@ -34,9 +36,18 @@ def test_objects_have_what_is_used_of_them() -> None:
     dispatcher(1)
     (overloaded,) = dispatcher.overloads.values()
     assert all(hasattr(dispatcher, name) for name in ("_cache", "overloads"))
-    assert all(hasattr(overloaded.library, name) for name in ("_codegen", "_finalized"))
+    assert all(hasattr(overloaded.library, name) for name in ("codegen", "_finalized"))
+    assert hasattr(overloaded.library.codegen, "_data_layout")
+    assert hasattr(overloaded.library.codegen, "magic_tuple")
     assert hasattr(numba.core.registry.cpu_target.target_context, "enable_nrt")
     assert hasattr(numba.core.registry.cpu_target.typing_context.resolve_value_type(np.sqrt), "_impl_keys")
+
+
+def test_no_other_module_imports_what_is_private() -> None:
+    """What is not public has a name in `PRIVATE`, and hence something that takes its place."""
+    importing = re.compile(r"(?m)^\s*(?:from|import) (?:numba\.core|llvmlite\.(?!binding))\S*")
+    found = {str(path): importing.findall(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
+    assert not {path: lines for path, lines in found.items() if lines}
 
 
 @pytest.fixture
@@ -74,6 +85,8 @@ def test_without_a_name_its_purpose_is_served_otherwise(without: str) -> None:
         read = worker.run_untyped_passes
         numba_private.keep_inlined()
         assert worker.run_untyped_passes is read
+    if purpose == numba_private.EVENTS:
+        numba_private.listen_to_compiling(object)  # numba refuses an object of this class
     if purpose == numba_private.NUMBERS:
         numba_private.number_at_random()
         assert numba.core.bytecode.FunctionIdentity._unique_ids is numbers

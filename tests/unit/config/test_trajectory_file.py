@@ -39,7 +39,7 @@ def flight(seconds: float = 40.0, rate: float = RATE) -> dict[str, Array]:
 def write_csv(path: Path, columns: Mapping[str, Array], header: bool = True, delimiter: str = ",") -> Path:
     lines = [delimiter.join(columns)] if header else []
     lines += [delimiter.join(repr(float(value)) for value in row) for row in zip(*columns.values(), strict=True)]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 
@@ -349,7 +349,7 @@ def test_numbers_that_pyarrow_does_not_read(tmp_path: Path) -> None:
     """A leading plus, and exponents of three digits as MATLAB writes them."""
     lines = [f"{k},+47,1.0e-009,100,0,0,0,0,0,0" for k in range(5)]
     path = tmp_path / "plus.csv"
-    path.write_text("\n".join(["# " + ", ".join(COLUMNS), *lines]))
+    path.write_text("\n".join(["# " + ", ".join(COLUMNS), *lines]), encoding="utf-8")
     rows = read_trajectory_file(path)
     assert np.all(rows.latitude == np.radians(47.0))
     np.testing.assert_allclose(rows.longitude, np.radians(1e-9), rtol=1e-15)

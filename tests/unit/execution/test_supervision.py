@@ -49,7 +49,7 @@ def test_campaigns_in_utf_16_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.posix
 def test_examples_with_code_have_a_supervisor() -> None:
-    with_code = [path for path in (ROOT / "campaigns").glob("*.toml") if ".py:" in path.read_text()]
+    with_code = [path for path in (ROOT / "campaigns").glob("*.toml") if ".py:" in path.read_text(encoding="utf-8")]
     assert with_code
     assert all(names_code([str(path)]) for path in with_code)
 
