@@ -54,7 +54,7 @@ def with_limit(figure: Figure, row: RequirementRow) -> Figure:
     if len(centre) == 1:
         middle, reach = 0.5 * (low[0] + high[0]) - centre[0], 0.5 * (high[0] - low[0])
         sides = [side for side in (-1.0, 1.0) if side * middle >= -0.5 * reach]
-        marks += [Rule(float(centre[0] + side * limit), colour=INK, width=1.8) for side in sides]
+        marks += [Rule(float(centre[0] + side * limit), width=1.8, series=LIMIT) for side in sides]
     else:
         angle = np.linspace(0.0, 2.0 * np.pi, 121)
         marks.append(Line(LIMIT, centre[0] + limit * np.cos(angle), centre[1] + limit * np.sin(angle), 1.8))
