@@ -100,7 +100,7 @@ def test_the_wheel_says_what_it_needs(wheel: zipfile.ZipFile) -> None:
     assert {"dask", "xarray", "test", "bench"} <= set(said.get_all("Provides-Extra") or ())
     supported = SpecifierSet(project()["requires-python"])
     versions = re.findall(r"Python :: (3\.\d+)", "\n".join(said.get_all("Classifier") or ()))
-    assert versions == ["3.11", "3.12", "3.13"]
+    assert versions == ["3.11", "3.12", "3.13", "3.14"]
     assert all(f"{version}.0" in supported for version in versions)
     assert "3.10.9" not in supported
 
