@@ -11,9 +11,9 @@ install = $(PIP) --no-compile --editable '.$(1)'
 demo: .venv/installed
 	$(BIN)/mcnav demo
 
-# Three workers for two processors, as some tests wait for processes that they have started.
+# Four workers for two processors, as tests wait for processes that they have started, and for files of others.
 test: .venv/tested
-	$(BIN)/python -m pytest --numprocesses 3 --dist worksteal
+	$(BIN)/python -m pytest --numprocesses 4 --dist worksteal
 
 # Under a minute: lint, and the unit tests but for the slow ones.
 quick: lint
