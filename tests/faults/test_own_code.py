@@ -207,6 +207,7 @@ def test_a_member_that_ends_the_program_is_named(tmp_path: Path) -> None:
         assert f"exit status 0 in mine.py while it gave Mine.{name}" in _line(_run("lincov", "mine.toml", cwd=tmp_path))
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize(
     ("member", "words"),
     [
@@ -249,6 +250,7 @@ def test_from_python_it_is_refused(tmp_path: Path) -> None:
     assert Path.cwd() == before
 
 
+@pytest.mark.posix
 def test_flights_have_the_time_limit_in_every_command(tmp_path: Path) -> None:
     """The limit is the object's own; only `run` knew it, and `lincov` and `sweep` simulated for ever."""
     path = write_campaign(tmp_path, "time.sleep(600)", SINGLE, samples=20, more='sample_timeout = "0.1 s"')
