@@ -17,7 +17,7 @@ import numpy as np
 
 from mcnav.analysis.filter_causes import NEARLY, Departure, neglected_errors
 from mcnav.analysis.filter_consistency import Honesty, NeglectedError
-from mcnav.analysis.filter_decision import NOT_NAVIGATION, outputs_of
+from mcnav.analysis.filter_decision import deciding_names, outputs_of
 from mcnav.analysis.filter_evidence import LinearFilter, singular
 from mcnav.analysis.linear_covariance import NOMINAL, LinearCovariance
 from mcnav.arrays.types import Array, IndexArray
@@ -85,13 +85,24 @@ class LinearVerdict:
         return float(at_readings[reading]), float(self.times[reading])
 
     @property
+    def together(self) -> tuple[str, float, float] | None:
+        """The group that is farther above its sigma than the output that is named, with its ratio and its time."""
+        if not self.output or self.verdict != Honesty.OPTIMISTIC:
+            return None
+        largest = {group: float(np.nanmax(ratios, initial=0.0)) for group, ratios in self.groups.items()}
+        group = max(largest, key=largest.__getitem__, default="")
+        if not group or largest[group] <= self.factor:
+            return None
+        return group, largest[group], float(self.times[int(np.nanargmax(self.groups[group]))])
+
+    @property
     def throughout(self) -> bool:
         """Return whether all readings from the first to the last departure depart."""
         return not self.departing or self.departing[-1] - self.departing[0] + 1 == len(self.departing)
 
 
 def judge_filter(
-    covariances: Sequence[LinearCovariance], outputs: Sequence[str], groups: Sequence[str], sources: Sequence[str],
+    covariances: Sequence[LinearCovariance], outputs: Sequence[str], groups: Mapping[str, int], sources: Sequence[str],
     covariance: Array, tolerance: float, units: Sequence[str] = (), floor: Array | None = None,
     scales: Array | None = None,
 ) -> LinearVerdict | None:  # fmt: skip
@@ -101,8 +112,9 @@ def judge_filter(
     ----------
     covariances : sequence of LinearCovariance
         At one or more lists of readings.
-    groups : sequence of str
-        Names of the filter's groups of states; see `FilterSchema`.
+    groups : mapping of str to int
+        The filter's groups of states and their sizes; see `FilterSchema`. Judged are those on which the verdict of
+        samples is (`deciding_names`), where all their states are outputs.
     sources : sequence of str
         Names, in the order of the columns of the partials.
     covariance : ndarray, shape (sources, sources)
@@ -122,10 +134,9 @@ def judge_filter(
     )
     ratios = output_ratios(evidence)
     stated = np.asarray(np.isfinite(np.diagonal(evidence.covariance, axis1=1, axis2=2)).all(axis=0))
+    members = {group: [i for i in outputs_of(group, outputs) if stated[i]] for group in deciding_names(groups)}
     together = {
-        group: group_ratios(evidence, [each for each in outputs_of(group, outputs) if stated[each]])
-        for group in groups
-        if group not in NOT_NAVIGATION
+        group: group_ratios(evidence, picked) for group, picked in members.items() if len(picked) == groups[group]
     }
     reached = _verdict(evidence, np.sort(times, kind="stable"), covariances[0].readings.label, outputs, ratios,
                        together, tolerance)  # fmt: skip

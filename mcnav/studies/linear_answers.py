@@ -115,7 +115,7 @@ def judge_filter_of(
     return judge_filter(
         [picked(each, ~answer.readings_beyond(each) & _stated(each)) for each in known],
         [output.name for output in answer.outputs],
-        list(schema.groups),
+        schema.groups,
         [source.name for source in answer.sources],
         answer.model.covariance,
         tolerance,

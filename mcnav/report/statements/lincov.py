@@ -134,7 +134,10 @@ def _verdict_words(answer: LinearAnswer, judged: LinearVerdict | None, name: str
         return
     worst = instant(judged.worst, judged.label)
     departure = _departure(answer, judged)
-    yield f"The {name} is {judged.verdict.value} {_period(judged)}. At worst, at {worst}, {departure}", tone
+    yield (
+        f"The {name} is {judged.verdict.value} {_period(judged)}. At worst, at {worst}, {departure}{_together(judged)}",
+        tone,
+    )
 
 
 def _floors(answer: LinearAnswer, judged: LinearVerdict) -> str:
@@ -176,6 +179,15 @@ def _departure(answer: LinearAnswer, judged: LinearVerdict) -> str:
         return words
     largest = listed([(label_of(answer, cause.name), cause.share) for cause in named])
     return f"{words}. Largest unmodelled errors: {largest}"
+
+
+def _together(judged: LinearVerdict) -> str:
+    """Say which errors are farther off as a group than each alone; empty where none are."""
+    if judged.together is None:
+        return ""
+    group, factor, time = judged.together
+    words = f"{group_words(group)} together are {factor:.3g} times what it computes"
+    return f". The errors of {words}, at {instant(time, judged.label)}"
 
 
 @dataclass(frozen=True)

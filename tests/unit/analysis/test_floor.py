@@ -96,7 +96,8 @@ def test_a_filter_of_five_metres_knows_other_positions_to_a_micrometre(true: flo
         readings=system, mean=np.zeros((1, 2)), covariance=covariance, sigma=sigma, sigma_filter=np.array([[5.0, own]]),
         variances={}, correlations=np.eye(2)[None], means={},
     )  # fmt: skip
-    found = judge_filter([answer], ["position_down", "position_east"], ["all"], ("a", "b"), np.eye(2), 0.05, ("m", "m"))
+    names = ["position_down", "position_east"]
+    found = judge_filter([answer], names, {"all": 2}, ("a", "b"), np.eye(2), 0.05, ("m", "m"))
     assert found is not None
     assert found.verdict == verdict
     assert list(found.floors) == (["position_east"] if verdict == Honesty.CONSISTENT else [])

@@ -26,7 +26,7 @@ def covariance(own: Array, mean: tuple[float, float] = (0.0, 0.0), sigmas: tuple
 
 
 def judged(found: LinearCovariance, sigmas: tuple[float, float] = (1.0, 2.0)) -> LinearVerdict:
-    verdict = judge_filter([found], NAMES, ["all", "position"], ("a", "b"), np.diag(np.square(sigmas)), TOLERANCE)
+    verdict = judge_filter([found], NAMES, {"all": 2, "position": 2}, ("a", "b"), np.diag(np.square(sigmas)), TOLERANCE)
     assert verdict is not None
     return verdict
 
@@ -102,4 +102,25 @@ def test_a_departure_at_some_epochs_is_not_throughout() -> None:
 def test_without_a_filter_there_is_no_verdict() -> None:
     readings = LinearSystem(TIMES, np.tile(np.eye(2), (len(TIMES), 1, 1)))
     found = covariance_over_time(readings, ("a", "b"), np.zeros(2), np.eye(2))
-    assert judge_filter([found], NAMES, ["position"], ("a", "b"), np.eye(2), TOLERANCE) is None
+    assert judge_filter([found], NAMES, {"position": 2}, ("a", "b"), np.eye(2), TOLERANCE) is None
+
+
+def test_all_states_decide_where_no_group_is_of_navigation() -> None:
+    """So they do for samples: a loop's filter has one group."""
+    found = covariance(stated(correlation=0.8))
+    verdict = judge_filter([found], NAMES, {"all": 2}, ("a", "b"), np.diag([1.0, 4.0]), TOLERANCE)
+    assert verdict is not None
+    assert (verdict.verdict, verdict.group) == (Honesty.OPTIMISTIC, "all")
+    beyond_outputs = judge_filter([found], NAMES, {"all": 3}, ("a", "b"), np.diag([1.0, 4.0]), TOLERANCE)
+    assert beyond_outputs is not None
+    assert beyond_outputs.verdict == Honesty.CONSISTENT
+
+
+def test_a_group_that_is_farther_off_than_the_output_named_is_said_too() -> None:
+    """NEES of two sigmas stated as 0.9 of the true ones and the correlation r: 2 / (0.81 (1 - r^2))."""
+    low, correlation = 0.9, 0.6
+    found = judged(covariance(stated(low, 2.0 * low, correlation)))
+    assert found.factor == pytest.approx(1.0 / low, rel=ROUNDING)
+    assert found.together is not None
+    assert found.together[:2] == ("position", pytest.approx(1.0 / (low * np.sqrt(1.0 - correlation**2)), rel=1e-12))
+    assert judged(covariance(stated(low, 2.0 * low))).together is None
