@@ -85,15 +85,15 @@ class LinearVerdict:
         return float(at_readings[reading]), float(self.times[reading])
 
     @property
-    def together(self) -> tuple[str, float, float] | None:
-        """The group that is farther above its sigma than the output that is named, with its ratio and its time."""
+    def together(self) -> tuple[str, float] | None:
+        """The group that is farther above its sigma than the output that is named, and its ratio."""
         if not self.output or self.verdict != Honesty.OPTIMISTIC:
             return None
         largest = {group: float(np.nanmax(ratios, initial=0.0)) for group, ratios in self.groups.items()}
         group = max(largest, key=largest.__getitem__, default="")
         if not group or largest[group] <= self.factor:
             return None
-        return group, largest[group], float(self.times[int(np.nanargmax(self.groups[group]))])
+        return group, largest[group]
 
     @property
     def throughout(self) -> bool:

@@ -391,6 +391,8 @@ def grade_words(search: GradeSearch) -> str:
         kept = sum(change.met for change in search.changes)
         joined = any(len(change.moves) > 1 for change in search.changes)
         words = f"{kept} of {len(search.changes)} numbers may be one grade of the catalogue coarser, one at a time"
+        coarser = [_coarser_words(change) for change in search.changes if change.met]
+        words += f": {several(coarser)}" if coarser else ""
         return words + ("; a bias takes its instability in run along." if joined else ".")
     if not any(change.met for change in search.changes):
         simulated = " in simulation" if any(change.simulated for change in search.changes) else ""
@@ -399,6 +401,12 @@ def grade_words(search: GradeSearch) -> str:
     fewest = "fewest" if search.exhaustive else "a set that cannot be reduced"
     moves = "one number moved" if count == 1 else f"{count} numbers moved"
     return f"Met with {moves} to the next finer grade of the catalogue ({fewest})."
+
+
+def _coarser_words(change: GradeChange) -> str:
+    """Name the first number of a change by one grade, and its grade."""
+    move = change.moves[0]
+    return f"{move.path.removeprefix('imu.')} ({move.grade})"
 
 
 def move_words(change: GradeChange) -> str:

@@ -280,9 +280,14 @@ def _changed(titles: Sequence[str], rows: Sequence[Row]) -> Verdict:
     counts = [(word, sum(row.words == word for row in known)) for word in ("larger", "smaller")]
     said = " and ".join(f"{count} {word}" for word, count in counts if count)
     all_alike = len(rows) > 1 and len(rows) in (count for _, count in counts)
-    subject = f"All {len(rows)} sigmas are {known[0].words}" if all_alike else f"Of {len(rows)} sigmas {said}"
+    subject = (
+        f"All {len(rows)} sigmas at the end are {known[0].words}"
+        if all_alike
+        else f"Of {len(rows)} sigmas at the end {said}"
+    )
+    others = f" in {titles[1]}" if len(titles) == 2 else ""
     return Verdict(
-        f"{subject} than in {titles[0]}.", "undecided",
+        f"{subject}{others} than in {titles[0]}.", "undecided",
         [f"Largest change: {most.title} in {titles[most.run]}, {rounded(most.known.ratio)} times."],
     )  # fmt: skip
 

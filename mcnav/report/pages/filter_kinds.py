@@ -105,8 +105,10 @@ def _worst_ratio(comparison: KindComparison) -> list[str]:
     if not wrong:
         return []
     ratio, worst = max(wrong, key=lambda pair: pair[0])
-    of = humanize(worst.decided_by)
-    return [f"Worst: {of} errors of {worst.kind} are {number(ratio, 2)} times what it computes."]
+    of, (low, high) = humanize(worst.decided_by), (worst.factor or (ratio,) * 3)[1:]
+    ends = f" ({number(low, 2)} to {number(high, 2)})" if math.isfinite(low) and math.isfinite(high) else ""
+    samples = f"{worst.summary.samples:,} samples"
+    return [f"Worst: {of} errors of {worst.kind} are {number(ratio, 2)} times what it computes{ends}, by {samples}."]
 
 
 def _more(comparison: KindComparison) -> list[str]:

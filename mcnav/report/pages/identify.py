@@ -197,7 +197,9 @@ def _head(report: IdentificationReport) -> list[Part]:
     """Say whether the models fit, and of what logs."""
     rejected = [axis.name for axis in report.axes if any(test.rejected for test in axis.goodness)]
     names = _names(report)
-    logs = [f"{names[log.name]}: {_length(log)}." for log in report.logs]
+    # of the axis whose Allan deviation stands beside: where the curve leaves the points, and why
+    logs = [f"{report.axes[0].name}: {'; '.join(report.axes[0].limits)}."] if report.axes[0].limits else []
+    logs += [f"{names[log.name]}: {_length(log)}." for log in report.logs]
     if rejected:
         said = ["Treat the values of these axes as rough.", *logs]
         return [Verdict(f"The model does not fit the readings of {_axes_words(rejected)}.", "differs", said)]

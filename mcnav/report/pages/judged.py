@@ -197,9 +197,8 @@ def verdict(judgement: Judgement) -> Verdict:
         told = [f"{_capital(compared)}.", *few, *_farthest(judgement), *correlated(judgement)]
         return Verdict(headline, "differs", (*told, *power(judgement)))
     first = judgement.findings[0]
-    sentences = [f"{_capital(compared)}.", *few]
+    sentences = [*_moves(judgement), f"{_capital(compared)}.", *few]
     sentences += [f"Besides, {words(finding)}." for finding in judgement.findings[1:]]
-    sentences += _moves(judgement)
     sentences.append(_left(judgement.findings[-1], len(judgement.findings), judgement.simulated))
     if judgement.findings[-1].left <= LEVEL:
         sentences += correlated(judgement)

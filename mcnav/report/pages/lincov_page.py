@@ -36,7 +36,7 @@ from mcnav.report.document.parts import (
     headed,
     joined,
 )
-from mcnav.report.document.table import STRONG, Cell, Column, Place, Table, five_digits
+from mcnav.report.document.table import CODE, STRONG, Cell, Column, Place, Table, five_digits
 from mcnav.report.drawing.figure import Figure, bare
 from mcnav.report.figures import lincov as drawn
 from mcnav.report.format import number
@@ -74,6 +74,9 @@ REQUIREMENTS: Final = (
 )
 """Caption of the table of requirements."""
 
+LONGER: Final = Markup("Whether an outage may be longer: {}.").format
+"""Of requirements, where a sensor has outages."""
+
 ALL_REMEDIES: Final = "mcnav lincov FILE --remedies"
 
 POLAR: Final = ("reentry", "cruise", "hover")
@@ -95,6 +98,7 @@ def page(
     answer: LinearAnswer, outages: drawn.Outages, what_if: WhatIf | None = None, remedies: Remedies | None = None
 ) -> Page:
     """Return the page; outages are those of the aiding sensors."""
+    longer = [LONGER(CODE(length_sweep(name, *spans[0]))) for name, spans in outages.items() if spans][:1]
     answer, outages = _as_read(answer, outages)
     (words, tone), *others = statements(answer)
     faulty = answer.history is not None and bool(np.any(answer.history.means.get(NOMINAL, 0.0)))
@@ -107,7 +111,7 @@ def page(
     moving, meaningful = drawn.sigmas(answer, outages), answer.beyond is None
     sections = []
     if answer.requirements:
-        parts = joined(requirement_table(answer), drawn.requirements(answer, outages))
+        parts = joined(requirement_table(answer), drawn.requirements(answer, outages), *map(Note, longer))
         sections.append(Section("requirements", "Requirements", parts))
     if (ranges := box_section(answer)) is not None:
         sections.append(ranges)
@@ -133,12 +137,22 @@ def page(
     helps = fix(remedies, answer.outputs)
     fails, causes = _cause(answer)
     named = ("Cause" if fails else "Driven by", causes), (fix_name(remedies), helps)
-    known = [(name, words) for name, words in named if words] or _sizes(answer)
+    known = [*([(name, words) for name, words in named if words] or _sizes(answer)), *_doubts(answer)]
     facts = Facts(known, below=True) if known else None
     head = joined(verdict, facts, asked if asked.entries else None, answers, Note(left_out) if left_out else None)
     shown = _foremost(answer, moving, drawn.requirements(answer, outages))
     title = f"{answer.campaign}: linear covariance"
     return answered(Page(title, "Linear covariance", answer.campaign, head, sections), shown)
+
+
+def length_sweep(sensor: str, begin: float, end: float) -> str:
+    """Return the command that finds how long the first outage of a sensor may be; times in s.
+
+    >>> length_sweep("gnss", 1200.0, 1500.0)
+    "mcnav sweep FILE --vary 'aiding.gnss.outages.1.length=150..1200 s'"
+    """
+    length = end - begin
+    return f"mcnav sweep FILE --vary 'aiding.{sensor}.outages.1.length={0.5 * length:g}..{4.0 * length:g} s'"
 
 
 def _shortened(section: Section, away: Mapping[str, float]) -> Section:
@@ -174,6 +188,16 @@ def _cause(answer: LinearAnswer) -> tuple[bool, str]:
     if tightest is None or (neglected and not unmet):
         return bool(neglected), _named(answer, neglected)
     return unmet, _named(answer, answer.requirement_causes(tightest))
+
+
+def _doubts(answer: LinearAnswer) -> list[tuple[str, Markup | str]]:
+    """Say that nothing has examined linear analysis, and how many warnings there are; nothing without either."""
+    warnings = len(remarks_in(answer.remarks))
+    link = Markup('<a href="#fold-linear-analysis">{}</a>').format(
+        f"{warnings} warnings" if warnings > 1 else "one warning"
+    )
+    doubts = [*(["not examined"] if answer.unexamined else []), *([link] if warnings else [])]
+    return [("Linear analysis", Markup(", ").join(doubts))] if doubts else []
 
 
 def _named(answer: LinearAnswer, causes: Iterable[Cause | NeglectedError]) -> str:

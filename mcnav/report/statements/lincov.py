@@ -132,12 +132,8 @@ def _verdict_words(answer: LinearAnswer, judged: LinearVerdict | None, name: str
     if judged.verdict == Honesty.UNDECIDED:
         yield f"Whether the {name} is consistent is undecided: it is if its gates reject nothing", tone
         return
-    worst = instant(judged.worst, judged.label)
-    departure = _departure(answer, judged)
-    yield (
-        f"The {name} is {judged.verdict.value} {_period(judged)}. At worst, at {worst}, {departure}{_together(judged)}",
-        tone,
-    )
+    departure = _departure(judged)
+    yield f"The {name} is {judged.verdict.value}{departure}{_together(judged)}{_unmodelled(answer, judged)}", tone
 
 
 def _floors(answer: LinearAnswer, judged: LinearVerdict) -> str:
@@ -158,36 +154,36 @@ def _period(judged: LinearVerdict) -> str:
     if begin == end:
         return f"at {begin}"
     if not judged.throughout:
-        return f"at {len(judged.departing)} of {len(judged.times)} readings from {begin} to {end}"
+        return f"at {len(judged.departing)} of {len(judged.times)} times from {begin} to {end}"
     return f"from {begin} on" if judged.end >= judged.times[-1] else f"from {begin} to {end}"
 
 
-def _departure(answer: LinearAnswer, judged: LinearVerdict) -> str:
-    """Say what departs the most, by how much, and because of which neglected errors."""
+def _departure(judged: LinearVerdict) -> str:
+    """Say by how much the filter departs, in what, when, and when the most."""
+    when, worst = _period(judged), instant(judged.worst, judged.label)
     if judged.group:
-        return (
-            f"the errors of {group_words(judged.group)} together are {judged.factor:.3g} times what it computes. Each "
-            "alone is within the tolerance"
-        )
+        words = f"by a factor of {judged.factor:.3g} in {group_words(judged.group)} as a group"
+        return f" {words} {when}, worst at {worst}. Each output alone is within the tolerance"
     name = humanize(judged.output)
     if math.isinf(judged.factor):
-        words = f"it computes no error of {name}, and there is one"
-    else:
-        words = f"the error of {name} is {judged.factor:.3g} times the filter sigma"
-    named = [cause for cause in judged.neglected if cause.share >= LEAST][:NAMED]
-    if not named:
-        return words
-    largest = listed([(label_of(answer, cause.name), cause.share) for cause in named])
-    return f"{words}. Largest unmodelled errors: {largest}"
+        return f" {when}: at {worst} it computes no error of {name}, and there is one"
+    return f" by a factor of {judged.factor:.3g} in {name} {when}, worst at {worst}"
 
 
 def _together(judged: LinearVerdict) -> str:
     """Say which errors are farther off as a group than each alone; empty where none are."""
     if judged.together is None:
         return ""
-    group, factor, time = judged.together
-    words = f"{group_words(group)} together are {factor:.3g} times what it computes"
-    return f". The errors of {words}, at {instant(time, judged.label)}"
+    group, factor = judged.together
+    return f". In {group_words(group)} as a group the factor is {factor:.3g}"
+
+
+def _unmodelled(answer: LinearAnswer, judged: LinearVerdict) -> str:
+    """Name the largest errors that the filter neglects; empty without any."""
+    named = [cause for cause in judged.neglected if cause.share >= LEAST][:NAMED]
+    if not named:
+        return ""
+    return f". Largest unmodelled errors: {listed([(label_of(answer, cause.name), cause.share) for cause in named])}"
 
 
 @dataclass(frozen=True)

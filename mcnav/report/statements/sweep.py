@@ -103,7 +103,7 @@ def tone_of(just_met: JustMet) -> str:
     return "agrees" if just_met.throughout else "partly" if just_met.met else "differs"
 
 
-NOT_SIMULATED: Final = "Linear analysis alone: no point was simulated. --confirm N simulates N points."
+NOT_SIMULATED: Final = "All values are by linear analysis. --confirm N runs Monte Carlo at N points."
 
 
 NAMED: Final = 3
@@ -137,7 +137,7 @@ def examined_words(sweep: Sweep) -> str:
     if not sweep.examined:
         return f"Linear analysis was not examined: {sweep.unexamined}. --examine does it." if sweep.unexamined else ""
     count = len(sweep.examined)
-    begin = f"Linear analysis, examined by flights at {count} point{'s' * (count > 1)}"
+    begin = f"Linear analysis, tested with a few simulated flights at {count} point{'s' * (count > 1)}"
     verdicts = {point: sweep.verdict_at(point) for point, _ in sweep.examined}
     said = [
         f"{verdict.value} {at_words(sweep, points, list(verdicts))}"
@@ -287,7 +287,7 @@ def remarks(sweep: Sweep) -> list[str]:
         points = "1 point has" if missing == 1 else f"{missing} points have"
         result.append(f"{points} no linear answer: a covariance loses its definiteness there.")
     if np.isfinite(sweep.own).any() and not any(drawn.differs(sweep, index) for index in range(len(sweep.measures))):
-        result.append("The filter computes the same values at every point.")
+        result.append("At every point the filter's own values are the true ones.")
     result += _of_filter(sweep)
     if any(not allocation.whole for allocation in sweep.just_met):
         result.append(

@@ -139,7 +139,7 @@ def test_a_run_that_an_index_calls_different_is_not_said_to_agree() -> None:
 def test_remarks() -> None:
     assert remarks(SWEEP) == [
         NOT_SIMULATED,
-        "The filter computes the same values at every point.",
+        "At every point the filter's own values are the true ones.",
         "At all values of errors.range that were looked at 95 % of |altitude| is the same.",
     ]
     between = ((2.0e3,), np.array([2e3, 3e3]))
