@@ -125,7 +125,7 @@ def page(report: IdentificationReport) -> Page:
             f"{names}: noise",
             "Identification from logs at rest",
             names,
-            [*_head(report), *joined(_grades_in_brief(report))],
+            [*_head(report), *joined(_grades_in_brief(report), _fitted_part(report))],
             sections,
         ),
         rest=RESULTS,
@@ -197,13 +197,17 @@ def _head(report: IdentificationReport) -> list[Part]:
     """Say whether the models fit, and of what logs."""
     rejected = [axis.name for axis in report.axes if any(test.rejected for test in axis.goodness)]
     names = _names(report)
-    # of the axis whose Allan deviation stands beside: where the curve leaves the points, and why
-    logs = [f"{report.axes[0].name}: {'; '.join(report.axes[0].limits)}."] if report.axes[0].limits else []
-    logs += [f"{names[log.name]}: {_length(log)}." for log in report.logs]
+    logs = [f"{names[log.name]}: {_length(log)}." for log in report.logs]
     if rejected:
         said = ["Treat the values of these axes as rough.", *logs]
         return [Verdict(f"The model does not fit the readings of {_axes_words(rejected)}.", "differs", said)]
     return [Verdict("The models fit the readings of all axes.", "agrees", logs)]
+
+
+def _fitted_part(report: IdentificationReport) -> Facts | None:
+    """Say why the curve of the first axis, which is drawn beside, may leave the points; none where nothing is known."""
+    axis = report.axes[0]
+    return Facts([(axis.name, "; ".join(axis.limits))], below=True) if axis.limits else None
 
 
 def _grades_in_brief(report: IdentificationReport) -> Facts | None:

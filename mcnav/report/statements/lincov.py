@@ -163,7 +163,8 @@ def _departure(judged: LinearVerdict) -> str:
     when, worst = _period(judged), instant(judged.worst, judged.label)
     if judged.group:
         words = f"by a factor of {judged.factor:.3g} in {group_words(judged.group)} as a group"
-        return f" {words} {when}, worst at {worst}. Each output alone is within the tolerance"
+        alone = "optimistic" if judged.verdict == Honesty.OPTIMISTIC else "pessimistic"
+        return f" {words} {when}, worst at {worst}. No output alone is {alone}"
     name = humanize(judged.output)
     if math.isinf(judged.factor):
         return f" {when}: at {worst} it computes no error of {name}, and there is one"
