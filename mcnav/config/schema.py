@@ -190,7 +190,7 @@ class CampaignTable(Table):
 
     name: Annotated[Text, Field(description="Title of the report; the file's name unless given.")] | None = None
     units: Annotated[
-        Literal["SI"], Field(description="Numbers without a unit are SI; else they are refused.")
+        Literal["SI"], Field(description='"SI" takes numbers without a unit as SI; without this key they are refused.')
     ] | None = None  # fmt: skip
     samples: Annotated[
         UntilTable | Annotated[int, Field(ge=2, le=1_000_000_000_000)],
