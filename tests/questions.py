@@ -361,7 +361,7 @@ def section() -> str:
     head = ["question", *_SYSTEMS]
     lines = [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows.values())]
     reasons = [f"- ({letter}) {reason}" for reason, letter in letters.items()]
-    return "\n".join((HEADING, INTRODUCTION, *lines, "", "The reasons, as the commands print them:", "", *reasons)) + "\n\n"
+    return "\n".join((HEADING, INTRODUCTION, *lines, "", "Reasons as the commands print them:", "", *reasons)) + "\n\n"
 
 
 def with_section(page: str, written: str) -> str:
