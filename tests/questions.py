@@ -50,8 +50,9 @@ from tests.strapdown_loops import FIXES, FLIGHT
 PAGE: Final = Path(__file__).parent.parent / "mcnav" / "docs" / "GUIDE.md"
 HEADING: Final = "## What can be asked of which system\n"
 INTRODUCTION: Final = """\
-“Rare events” are requirements that allow too little beyond their limit for samples to be counted. Each cell was tried
-on a small campaign (`python -m tests.questions`).
+“Rare events” are requirements whose permitted probability of violation is too small to verify by counting samples.
+`Strapdown` is the inertial navigator of a closed loop. Epochs are the times at which errors are tabulated. Each cell
+was tried on a small campaign (`python -m tests.questions`). Closed loops with constant errors had no measurements.
 """
 UNTOLD: Final = "is left out without a word"
 CODE: Final = Path(__file__).with_name("questioned.py")
@@ -115,7 +116,7 @@ _SENSORS: Final = {
 }
 """A sensor of each system, one of its components, and a time at which it measures."""
 
-MEASURED: Final = "a filter weighs measurements by their noise, so errors are never constant alone"
+MEASURED: Final = "every measurement has noise, so errors are never constant alone"
 
 
 @dataclass(frozen=True)
@@ -360,7 +361,7 @@ def section() -> str:
     head = ["question", *_SYSTEMS]
     lines = [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows.values())]
     reasons = [f"- ({letter}) {reason}" for reason, letter in letters.items()]
-    return "\n".join((HEADING, INTRODUCTION, *lines, "", "Why not, as the commands say it:", "", *reasons)) + "\n\n"
+    return "\n".join((HEADING, INTRODUCTION, *lines, "", "Reasons as the commands print them:", "", *reasons)) + "\n\n"
 
 
 def with_section(page: str, written: str) -> str:

@@ -100,7 +100,7 @@ class NormalTable(DistributionTable):
     makes = Normal
     distribution: Annotated[Literal["normal"], Meaning] = "normal"
     sigma: Sigma
-    mean: Annotated[Size, Field(description="Mean, a known error; zero unless given.")] = 0.0
+    mean: Annotated[Size, Field(description="Mean of the error; zero unless given.")] = 0.0
 
 
 class UniformTable(DistributionTable):
@@ -147,7 +147,7 @@ class FixedTable(DistributionTable):
     called: ClassVar[str] = "a fixed distribution"
     makes = Fixed
     distribution: Annotated[Literal["fixed"], Meaning]
-    value: Annotated[Size, Field(description="The known error.")]
+    value: Annotated[Size, Field(description="The error, the same in every sample.")]
 
     def parameters(self) -> dict[str, float]:
         """Return the value as the mean, SI."""

@@ -190,7 +190,7 @@ class CampaignTable(Table):
 
     name: Annotated[Text, Field(description="Title of the report; the file's name unless given.")] | None = None
     units: Annotated[
-        Literal["SI"], Field(description="Numbers without a unit are SI; else they are refused.")
+        Literal["SI"], Field(description='units = "SI" reads numbers without a unit as SI; else they are refused.')
     ] | None = None  # fmt: skip
     samples: Annotated[
         UntilTable | Annotated[int, Field(ge=2, le=1_000_000_000_000)],
@@ -220,7 +220,7 @@ class CampaignTable(Table):
         Duration,
         Field(ge=0.001, le=1e6, description="Time after which a sample fails; none unless given.", examples=["10 s"]),
     ] | None = None  # fmt: skip
-    scenario: Annotated[Content, Field(description="What is simulated; its type decides about the other keys.")]
+    scenario: Annotated[Content, Field(description="What is simulated; its type decides which other keys there are.")]
     errors: Annotated[
         Content,
         Field(description="One sigma of a normal error by source, or a table with its distribution; others are zero."),

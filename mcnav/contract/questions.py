@@ -60,7 +60,7 @@ def reason_against(question: Question, parts: TimelineParts) -> str:
         return "the system returns its errors at the end alone; declare epochs to have them over time"
     if question in (Question.ANY_TIME, Question.START_TIMES) and parts.readings != "any time":
         known = "the end" if parts.readings == "end" else "its epochs"
-        return f"the system returns its errors at {known} alone, so its transitions are unknown"
+        return f"the system returns its errors at {known} alone, so its state transitions are unknown"
     if question == Question.NOISE and not parts.noise:
         return "errors are constant: no process of noise acts"
     if question == Question.FILTER:

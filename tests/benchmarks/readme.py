@@ -31,8 +31,8 @@ def excerpt(record: Mapping[str, Any], inertial: Mapping[str, Any] | None = None
         if OURS in times and others:
             best = min(others, key=lambda name: others[name])
             sentences.append(
-                f"On trajectory {case['trajectory']} a sample takes {times[OURS]:.2g} µs of one core at an error of "
-                f"{FINE} of sigma. The fastest of the other packages ({best}) takes {others[best]:.2g} µs."
+                f"On trajectory {case['trajectory']} a sample takes {times[OURS]:.2g} µs of one core with an "
+                f"integration error below {FINE} sigma. The fastest other package ({best}) takes {others[best]:.2g} µs."
             )
     if record["growth"]:
         run = max(record["growth"]["samples"], key=lambda row: row["samples"])

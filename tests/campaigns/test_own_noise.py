@@ -314,7 +314,7 @@ def test_what_noise_makes_meaningless_is_refused(tmp_path: Path) -> None:
     ranged = in_process("sweep", path, "--scale", *options)
     assert ranged.exit_code == 0, ranged.output
     assert WITHOUT_NOISE in " ".join(ranged.output.split())
-    with pytest.raises(CampaignError, match="alone, so its transitions are unknown"):
+    with pytest.raises(CampaignError, match="alone, so its state transitions are unknown"):
         read_campaign(path, {"start_times": {}})
 
 

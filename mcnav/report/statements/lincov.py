@@ -110,7 +110,7 @@ def filter_words(answer: LinearAnswer) -> Iterator[tuple[str, str]]:
         worse = np.any(smoothed.sigma > filtered.sigma * (1.0 + WORSE), axis=1)
         if worse.any():
             yield (
-                f"In some output the smoother is worse than its filter at {worse.sum()} of {len(worse)} readings",
+                f"In some output the smoother is worse than its filter at {worse.sum()} of {len(worse)} epochs",
                 "undecided",
             )
 
@@ -147,14 +147,14 @@ def _floors(answer: LinearAnswer, judged: LinearVerdict) -> str:
 
 
 def _period(judged: LinearVerdict) -> str:
-    """Say when a filter's sigmas depart: all the time between two readings, or at some of them."""
+    """Say when a filter's sigmas depart: all the time between two epochs, or at some of them."""
     assert judged.begin is not None
     assert judged.end is not None
     begin, end = instant(judged.begin, judged.label), instant(judged.end, judged.label)
     if begin == end:
         return f"at {begin}"
     if not judged.throughout:
-        return f"at {len(judged.departing)} of {len(judged.times)} times from {begin} to {end}"
+        return f"at {len(judged.departing)} of {len(judged.times)} epochs from {begin} to {end}"
     return f"from {begin} on" if judged.end >= judged.times[-1] else f"from {begin} to {end}"
 
 

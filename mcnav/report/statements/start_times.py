@@ -91,7 +91,7 @@ def _weighted(study: StartTimeStudy, outputs: Sequence[Output]) -> str:
     counted = {kind_of(output) for output, weight in zip(outputs, study.weights, strict=True) if weight > 0.0}
     if counted == {study.clock.weighs}:
         return f"weighted {study.clock.weighs.lower()}"
-    return "weighted dispersion of all outputs"
+    return "weighted sigma of all outputs"
 
 
 def _exceeding(beyond: NDArray[np.bool_], outputs: Sequence[Output]) -> str:

@@ -133,7 +133,7 @@ class Earth:
         return np.asarray(self.gravity_gradient(position) - self.gravitational_parameter * central)
 
     def curvature_radii(self, latitude: Array) -> tuple[Array, Array]:
-        """Compute the radii of curvature in the meridian, M, and in the prime vertical, N, m."""
+        """Compute the radii of curvature in the meridian, R_N, and in the prime vertical, R_E, m."""
         w = 1.0 - self.eccentricity_squared * np.sin(latitude) ** 2
         prime = self.radius / np.sqrt(w)
         return np.asarray(prime * (1.0 - self.eccentricity_squared) / w), np.asarray(prime)

@@ -49,7 +49,7 @@ OF_ANY_SENSOR: Final = name_pattern(kinds_of_errors())
 """Pattern of the kinds of any sensor's errors."""
 
 OfEstimates: Final = Field(description="position, velocity, attitude, and kinds of errors that are estimated.")
-OfConsiders: Final = Field(description="Kinds of errors with a covariance and no estimate (Schmidt).")
+OfConsiders: Final = Field(description="Kinds of errors that are in the covariance but not estimated (Schmidt).")
 
 OF_SENSORS: Final = re.compile(rf"(\w+?)_({'|'.join(kinds_of_errors())})")
 """Kinds of a sensor's errors, after its name."""
@@ -93,7 +93,8 @@ class StopsTable(Table):
     expected: ClassVar[str] = 'expected probability, ramp or both, such as { probability = 0.99, ramp = "60 s" }'
     called: ClassVar[str] = "what gates stop"
     probability: Annotated[
-        float, Field(gt=0.0, lt=1.0, description="With which a spike or a ramp is to be stopped.", examples=[0.99])
+        float,
+        Field(gt=0.0, lt=1.0, description="Probability with which a spike or a ramp is rejected.", examples=[0.99]),
     ] = USUAL.probability
     ramp: Annotated[Duration, Field(gt=0.0, le=1e7, description="How long a ramp grows.", examples=["60 s"])] = (
         USUAL.ramp
@@ -119,24 +120,25 @@ class FilterTable(Table):
     kind: Annotated[
         Literal["ekf", "iterated", "left-invariant", "right-invariant", "ukf"],
         Field(
-            description="Kind of the filter: ekf, the error-state filter; iterated, with responses at the corrected "
+            description="Kind of the filter: ekf, the error-state filter; iterated, re-linearized at the updated "
             "state; left-invariant and right-invariant, with errors of the group SE2(3); ukf, of sigma points. The "
             "reference engine simulates ukf, some 400 times slower."
         ),
     ] = "ekf"
     smoother: Annotated[
         SmootherEntry | None,
-        Field(description='"fixed-interval" knows all measurements, { lag = "60 s" } those up to a minute later.'),
+        Field(description='"fixed-interval" uses all measurements, { lag = "60 s" } those up to a minute later.'),
     ] = None
     stops: Annotated[
         StopsTable,
         Field(
-            description='Spike and ramp of which gates say what they stop: { probability = 0.95, ramp = "60 s" } '
-            "unless given."
+            description="Probability of detection and duration of a ramp for which the sizes of detectable faults "
+            'are reported: { probability = 0.95, ramp = "60 s" } unless given.'
         ),
     ] = StopsTable()
     believes: BelievesTable = Field(
-        default_factory=BelievesTable, description="What the filter takes errors for; the truth where nothing is given."
+        default_factory=BelievesTable,
+        description="Errors as the filter models them; the true values where nothing is given.",
     )
 
 

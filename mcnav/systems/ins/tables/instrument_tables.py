@@ -50,7 +50,7 @@ class InstabilityTable(Table, Generic[Sizes]):
     )
     sigma: Annotated[Sizes | None, Field(description="Sigma of the process.")] = None
     allan_minimum: Annotated[
-        Sizes | None, Field(description="Bias instability of a data sheet, in place of sigma: 0.617 of it.")
+        Sizes | None, Field(description="Bias instability of a data sheet: 0.617 times sigma, which it replaces.")
     ] = None
     correlation_time: Annotated[
         CorrelationTimes | None, Field(description="Correlation time of the process.", examples=["1 h"])
@@ -101,8 +101,8 @@ Misalignments = Annotated[
 
 
 RATE_RANDOM_WALK: Final = Field(
-    description="Random walk of the bias, K: its sigma is K sqrt(t). Or { density = …, correlation_time = … }, K and "
-    "tau of a simulator: a stationary process of sigma K sqrt(tau / 2), in place of bias_instability."
+    description="Random walk of the bias, K: its sigma is K sqrt(t). Or { density = K, correlation_time = tau }, "
+    "as some simulators state it: a stationary process of sigma K sqrt(tau / 2), which replaces bias_instability."
 )
 
 
@@ -149,7 +149,7 @@ CountedVelocities = Annotated[QuantizationTable[Velocities], OrSizes(AxisSizes("
 
 INSTABILITY: Final = Field(
     description="{ sigma = …, correlation_time = … }: a first-order Gauss-Markov process, stationary from the start; "
-    "or allan_minimum in place of sigma, 0.617 of it."
+    "allan_minimum, a data sheet's bias instability, may replace sigma = allan_minimum / 0.617."
 )
 QUANTIZATION: Final = Field(
     description="White error Q of the accumulated angle or velocity (IEEE 952): its Allan deviation is sqrt(3) Q / tau."
