@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import chi2
 
 from mcnav.analysis.comparison import Criterion
 from mcnav.analysis.filter_assessment import assess_filter
@@ -17,7 +18,7 @@ from mcnav.store.run_folder import RunFolder
 from mcnav.workflow.filter_evidence import filter_evidence
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_run import read_run
-from tests.calibration import named_trials, page
+from tests.calibration import named_trials, page, slow_trials
 from tests.calibration.cells import Cell, Tally
 from tests.calibration.filter_trials import (
     CANCELLING,
@@ -28,6 +29,7 @@ from tests.calibration.filter_trials import (
     TOLERATED,
     run_filter_trials,
 )
+from tests.calibration.identification_trials import IDENTIFY
 from tests.calibration.kalman_trials import CAUSES, run_kalman_trials
 from tests.calibration.kalman_trials import SYSTEMS as KALMAN_SYSTEMS
 from tests.calibration.navigation_trials import (
@@ -158,6 +160,26 @@ def test_rates_of_judged_records_are_those_of_the_file(tmp_path: Path) -> None:
     assert again.fault
     for known in (rows, named_trials.read_rows(tmp_path / "rows.csv")):
         assert (again.wrong, again.seed, again.fault) in {(row.wrong, row.seed, row.fault) for row in known}
+
+
+def test_rates_of_slow_processes_are_those_of_the_page() -> None:
+    """Intervals of all kinds together fail as often as chance has it, at 99.9 %; so does the test of fit.
+
+    A second process that moves N or K is found in nine of ten records of each pair.
+    """
+    table = pd.read_csv(COMMITTED, keep_default_na=False)
+    text = (ROOT / "mcnav" / "docs" / "howto" / "INSTRUMENTS.md").read_text(encoding="utf-8")
+    assert "\n".join(slow_trials.rate_lines(table)) in text
+    table = table[table["system"].isin([f"{IDENTIFY}, {case}" for case in slow_trials.CASES])]
+    for kind, nominal in (("coverage", 0.95), ("false alarm", 0.05)):
+        rates = table[(table["kind"] == kind) & (table["campaigns"] >= slow_trials.FEWEST)]
+        variances = nominal * (1.0 - nominal) / rates["campaigns"]
+        squares = float(((rates["measured"] - nominal) ** 2 / variances).sum())
+        assert squares < chi2.ppf(0.999, len(rates))
+        assert abs(np.average(rates["measured"], weights=rates["campaigns"]) - nominal) < 0.01
+    found = table[table["statement"] == slow_trials.SECOND]
+    assert len(found) == 3
+    assert (found["measured"] >= 0.9).all()
 
 
 @pytest.mark.parametrize("name", NOISY_SYSTEMS)
