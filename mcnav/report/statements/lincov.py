@@ -164,11 +164,11 @@ def _departure(judged: LinearVerdict) -> str:
     if judged.group:
         words = f"by a factor of {judged.factor:.3g} in {group_words(judged.group)} as a group"
         alone = "optimistic" if judged.verdict == Honesty.OPTIMISTIC else "pessimistic"
-        return f" {words} {when}, worst at {worst}. No output alone is {alone}"
+        return f" {words} {when}. It is worst at {worst}. No output alone is {alone}"
     name = humanize(judged.output)
     if math.isinf(judged.factor):
         return f" {when}: at {worst} it computes no error of {name}, and there is one"
-    return f" by a factor of {judged.factor:.3g} in {name} {when}, worst at {worst}"
+    return f" by a factor of {judged.factor:.3g} in {name} {when}. It is worst at {worst}"
 
 
 def _together(judged: LinearVerdict) -> str:
