@@ -1,6 +1,6 @@
 """Would another filter have been consistent: a campaign with each kind of filter, by samples with the same errors.
 
-Each kind has the engine that ``mcnav run`` takes. Kinds of one engine have the same noise as well.
+Each kind has the engine that ``mcnav run`` takes, and all of them the same noise.
 """
 
 from __future__ import annotations
