@@ -40,7 +40,7 @@ def cost_check(scenario: Scenario, errors: ErrorModel, samples: int) -> tuple[Ch
 
     simulate(1)  # the first may compile
     pace = measure_pace(simulate, FEW * len(drawn), engine.parallel == "threads")
-    return (Check("cost", True, _told(scenario, engine, pace, samples, np.count_nonzero(sigmas))),)
+    return (Check("cost", True, _told(scenario, engine, pace, samples, int(np.count_nonzero(sigmas)))),)
 
 
 def _told(scenario: UserScenario, engine: Engine, pace: Pace, samples: int, dispersed: int) -> str:
