@@ -333,8 +333,8 @@ def filters(
 ) -> None:
     """Compare kinds of filters by Monte Carlo.
 
-    All kinds have the same initial and sensor errors, and all but ukf the same noise. A table has the verdict on each
-    kind, its NEES, sigmas and cost. --vary finds the value from which on each kind is optimistic.
+    All kinds have the same initial errors, sensor errors and noise. A table has the verdict on each kind, its NEES,
+    sigmas and cost. --vary finds the value from which on each kind is optimistic.
 
     Example: mcnav filters campaigns/32_alignment_in_motion.toml --vary errors.heading="3, 10, 30 deg"
     """

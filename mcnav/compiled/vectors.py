@@ -414,6 +414,10 @@ def parts_of(lanes: Array) -> Array:
     return lanes.reshape(*lanes.shape[:-1], PARTS, PART)
 
 
+STORED: Final = 1 << 14
+"""Rows of lanes for which a `Store` has room unless it is told."""
+
+
 class Store:
     """One array that holds rooms, so that all of them can be copied together.
 
@@ -423,7 +427,7 @@ class Store:
         Of all rooms made so far.
     """
 
-    def __init__(self, most: int = 1 << 14) -> None:
+    def __init__(self, most: int = STORED) -> None:
         self._all, self._used = room(most), 0
 
     def __call__(self, rows: int, *columns: int) -> Array:

@@ -16,8 +16,8 @@ from mcnav.arrays.types import Array
 from mcnav.contract.engine import Engine, without_noise
 from mcnav.linear.corrections import SimulatedBudget, SobolIndices, SourceBudget, VarianceTable, computed_or_reason
 from mcnav.linear.covariance import propagated_covariance
-from mcnav.linear.partials import Propagate, affordable, require_fast, simulate_or_raise
-from mcnav.linear.sobol import POINTS, estimate_sobol_indices
+from mcnav.linear.partials import QUICK, Propagate, affordable, require_fast, simulate_or_raise
+from mcnav.linear.sobol import POINTS, count_sobol_flights, estimate_sobol_indices
 from mcnav.sampler.designs import SamplingDesign
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.statistics.estimates import blocked_means, paired_squares
@@ -55,6 +55,14 @@ def simulated_budgets(
         return estimate_sobol_indices(without_noise(engine), errors, seed, affordable(POINTS, engine))
 
     return SimulatedBudget(computed_or_reason(alone), computed_or_reason(sobol))
+
+
+def count_flights(engine: Engine, sources: int, samples: int) -> tuple[int, int]:
+    """Return how many flights `simulated_budgets` takes of an engine, and in how many calls; none of a slow one."""
+    if engine.chunk < QUICK:
+        return 0, 0
+    count, calls = min(affordable(DRAWS, engine), samples), 2 * sources
+    return calls * count + count_sobol_flights(sources, affordable(POINTS, engine)), calls
 
 
 def simulate_each_source_alone(

@@ -23,6 +23,11 @@ _BITS: Final = 64
 """Binary digits of a coordinate."""
 
 
+def count_sobol_flights(sources: int, points: int) -> int:
+    """Return how many flights the indices of a number of sources with dispersions take."""
+    return REPLICATES * points * (sources + 2)
+
+
 def estimate_sobol_indices(propagate: Propagate, errors: ErrorModel, seed: int, points: int = POINTS) -> SobolIndices:
     """Estimate first-order and total Sobol indices of every output (Saltelli et al., 2010; Jansen's total index).
 

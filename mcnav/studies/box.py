@@ -243,15 +243,17 @@ class _Study:
         """The search of all ranges that are not monotone."""
         points = grid(len(self._searched))
         unsized = [number for number, place in enumerate(self._searched) if self.answers.sized[place] is None]
-        least = len({tuple(point[number] for number in unsized) for point in points})
+        distinct = {tuple(point[number] for number in unsized): point for point in points}
+        least = len(distinct)
         narrowed = 0 if self._filter_alone else NARROWED * len(unsized)
         expected = least + max(REFINED[0], round(REFINED[1] * least)) + narrowed
         most = int(OVERRUN * expected) - least - narrowed if unsized else MOST
         maxima = Maxima(len(self._searched), self._badness, len(points) + most)
         if unsized:
+            maxima.at(points[1])  # it may compute what all others share
             began = perf_counter()
-            maxima.at(points[1])
-            seconds = expected * (perf_counter() - began)
+            self._badness(list(distinct.values())[least // 2])  # kept among the answers: points stay in their order
+            seconds = (expected - 2) * (perf_counter() - began)
             if expected > MANY or seconds > SLOW:
                 note(f"ranges to be searched: {len(unsized)}, with some {expected} linear answers, {duration(seconds)}")
         asked, count = len(self._nominal.requirements), len(self._nominal.requirements) + 1 + len(self._nominal.outputs)

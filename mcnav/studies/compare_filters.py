@@ -1,6 +1,6 @@
 """Would another filter have been consistent: a campaign with each kind of filter, by samples with the same errors.
 
-Each kind has the engine that ``mcnav run`` takes. Kinds of one engine have the same noise as well.
+Each kind has the engine that ``mcnav run`` takes, and all of them the same noise.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import thread_time
+from time import perf_counter, thread_time
 from typing import Final
 
 import numpy as np
@@ -21,6 +21,7 @@ from mcnav.config.sweep_values import read_variables
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario
 from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.execution.pace import Pace
 from mcnav.execution.progress import SILENT, Phase, Progress, duration, note
 from mcnav.files.whole import indented_json, write_texts
 from mcnav.report.document.html import page_html
@@ -28,15 +29,11 @@ from mcnav.report.pages import filter_kinds as report
 from mcnav.studies.boxed_run import noted_at_worst
 from mcnav.systems.ins.filter.model import KINDS
 from mcnav.systems.ins.recognition import is_ins
-from mcnav.workflow.cost import LONG, time_of
+from mcnav.workflow.cost import LONG
 from mcnav.workflow.run import run_campaign
 
 POINTS: Final = 5
 """Values of a range."""
-
-TIMED: Final = 2
-SLOW: Final = 1.0
-"""Samples of each kind that are timed, and the time of the first one, s, from which it is the only one."""
 
 RUNS: Final = "runs"
 CSV, JSON, PAGE = "filters.csv", "filters.json", "filters.html"
@@ -64,11 +61,16 @@ class FilterPlan:
 
 
 @dataclass(frozen=True)
-class Pace:
-    """Computing time of a sample on one thread, and how many one worker takes at a time."""
+class KindPace:
+    """Computing time of a sample on one thread, its time on this machine (s), and how many a worker takes at a time."""
 
     milliseconds: float
+    seconds: float
     chunk: int
+
+    def of_workers(self, samples: int, jobs: int) -> float:
+        """Return the time that workers take for samples, s."""
+        return Pace(0.0, self.seconds).of_workers(samples, self.chunk, jobs)
 
 
 def compare_filters(
@@ -97,11 +99,13 @@ def compare_filters(
         at = {} if variable is None or value is None else {variable.path: variable.written(value)}
         campaigns.append(varied.at({"filter.kind": kind, **at, **samples}))
     paces = [_pace(campaign.scenario) for campaign in campaigns]
-    _tell_time(campaigns, paces, plan.jobs)
-    results = []
+    results: list[KindResult] = []
     for number, ((value, kind), each, pace) in enumerate(zip(points, campaigns, paces, strict=True)):
         name = kind if value is None else f"{number // len(kinds) + 1:02d}_{kind}"
+        began = perf_counter()
         summary = run_campaign(each, folder / RUNS / name, None, plan.jobs, progress=progress).results
+        if number == 0:
+            _tell_time(campaigns, paces, plan.jobs, perf_counter() - began)
         results.append(KindResult(kind, value, f"{RUNS}/{name}", summary, pace.milliseconds))
     comparison = KindComparison(varied.campaign.name, kinds, variable, tuple(results))
     progress.phase(Phase.REPORTING)
@@ -128,31 +132,28 @@ def _variable(varied: Mapping[str, str | Sequence[object]]) -> Variable | None:
     return read_variables(varied, POINTS)[0]
 
 
-def _tell_time(campaigns: Sequence[Campaign], paces: Sequence[Pace], jobs: int) -> None:
-    """Print how long the runs will take, where that is long."""
-    seconds = sum(
-        time_of(campaign.samples, pace.milliseconds / 1000.0, pace.chunk, jobs)
-        for campaign, pace in zip(campaigns, paces, strict=True)
-    )
+def _tell_time(campaigns: Sequence[Campaign], paces: Sequence[KindPace], jobs: int, first: float) -> None:
+    """Print how long the runs after the first will take, where that is long: beside their samples, what it has taken.
+
+    Parameters
+    ----------
+    first : float
+        Time of the first run, s.
+    """
+    samples = [pace.of_workers(campaign.samples, jobs) for campaign, pace in zip(campaigns, paces, strict=True)]
+    left = len(campaigns) - 1
+    seconds = sum(samples[1:]) + left * max(first - samples[0], 0.0)
     if seconds >= LONG:
-        runs = f"{len(campaigns)} run{'' if len(campaigns) == 1 else 's'} of {campaigns[0].samples:,} samples"
+        runs = f"{left} more run{'' if left == 1 else 's'} of {campaigns[0].samples:,} samples"
         note(f"{runs}: about {duration(seconds)} with --jobs {jobs}, less what is stored already")
 
 
-def _pace(scenario: Scenario) -> Pace:
-    """Measure the computing time of a sample: the mean of some without errors, after a first one that is quick.
-
-    Of a long one what only the first pays is little, and others would make the user wait for the notice. The fast
-    engine compiles with its first chunk, and takes the samples of a chunk together.
-    """
+def _pace(scenario: Scenario) -> KindPace:
+    """Measure the computing time of a sample without errors: the engine compiles with its first chunk."""
     engine = scenario.engine(scenario.engines[0], np.zeros((1, len(scenario.sources))))
-    together = engine.parallel == "threads"
-    nothing = np.zeros((engine.chunk if together else TIMED, len(scenario.sources)))
-
-    def seconds_of(count: int) -> float:
-        begun = thread_time()
-        engine.simulate(Batch(np.arange(count), nothing[:count], 0), noise=False)
-        return (thread_time() - begun) / count
-
-    seconds = seconds_of(1)
-    return Pace(1000.0 * (seconds_of(len(nothing)) if together or seconds < SLOW else seconds), engine.chunk)
+    chunk = Batch(np.arange(engine.chunk), np.zeros((engine.chunk, len(scenario.sources))), 0)
+    engine.simulate(chunk, noise=False)
+    began, computed = perf_counter(), thread_time()
+    engine.simulate(chunk, noise=False)
+    computed, seconds = thread_time() - computed, perf_counter() - began
+    return KindPace(1000.0 * computed / engine.chunk, seconds / engine.chunk, engine.chunk)

@@ -1,72 +1,61 @@
-"""Cost of a run of a user's class, told before it: the time of some samples, and of what is simulated before them."""
+"""Cost of a run of a user's class, told before it: the time of its samples, and of what is simulated beside them."""
 
 from __future__ import annotations
 
-import time
 from typing import Final
 
 import numpy as np
 
+from mcnav.contract.engine import Engine
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import Scenario
+from mcnav.execution.pace import FEW, Pace, measure_pace
 from mcnav.execution.progress import duration
+from mcnav.linear.simulated_budget import count_flights
 from mcnav.runner.executors import JOBS
 from mcnav.sampler.error_model import ErrorModel
 from mcnav.systems.finite_differences import SHARES
 from mcnav.systems.user.conformance import Check
+from mcnav.systems.user.kept import KEPT_FROM
 from mcnav.systems.user.noise_soundness import RESPONSES
 from mcnav.systems.user.scenario import UserScenario, is_users
 from mcnav.systems.user.soundness import FLOWN_TWICE, SEED
 from mcnav.systems.user.stochastic_scenario import is_users_with_noise
 
-LEAST: Final = 0.05
-"""Seconds of samples from which their pace is known."""
-
 LONG: Final = 10.0
 """Seconds from which on advice is given about them, and studies tell them beforehand."""
 
-MOST: Final = 4_096
-"""Samples that are timed at most."""
-
 
 def cost_check(scenario: Scenario, errors: ErrorModel, samples: int) -> tuple[Check, ...]:
-    """Return what a run of a user's class will take, by the pace of a few samples; none of other scenarios.
-
-    The number that are timed is doubled until they take `LEAST` s.
-    """
+    """Return what a run of a user's class will take, by the pace of a few samples; none of other scenarios."""
     if not is_users(scenario):
         return ()
     sigmas = np.where(errors.standard_deviations > 0.0, errors.standard_deviations, 0.0)
     engine = scenario.engine(scenario.engines[0], np.zeros((1, len(sigmas))))
-    drawn = errors.mean + np.random.default_rng(SEED).standard_normal((MOST, len(sigmas))) * sigmas
-    count, seconds = 1, 0.0
-    engine.simulate(Batch(np.arange(1), drawn[:1], SEED))  # the first may compile
-    while seconds < LEAST and count <= MOST // 2:
-        count *= 2
-        began = time.perf_counter()
+    normals = np.random.default_rng(SEED).standard_normal((min(samples, engine.chunk), len(sigmas)))
+    drawn = errors.mean + normals * sigmas
+
+    def simulate(count: int) -> None:
         engine.simulate(Batch(np.arange(count), drawn[:count], SEED))
-        seconds = time.perf_counter() - began
-    return (Check("cost", True, _told(scenario, seconds / count, samples, engine.chunk)),)
+
+    simulate(1)  # the first may compile
+    pace = measure_pace(simulate, FEW * len(drawn), engine.parallel == "threads")
+    return (Check("cost", True, _told(scenario, engine, pace, samples, int(np.count_nonzero(sigmas)))),)
 
 
-def time_of(samples: int, each: float, chunk: int, jobs: int) -> float:
-    """Return the time that workers take for samples in chunks, s.
-
-    >>> time_of(300, each=0.5, chunk=128, jobs=2)  # one of them simulates two chunks
-    128.0
-    """
-    rounds = -(-samples // (chunk * jobs))
-    return each * min(samples, rounds * chunk)
-
-
-def _told(scenario: UserScenario, each: float, samples: int, chunk: int) -> str:
-    whole = time_of(samples, each, chunk, JOBS)
+def _told(scenario: UserScenario, engine: Engine, pace: Pace, samples: int, dispersed: int) -> str:
+    chunk = engine.chunk
+    whole = pace.of_workers(samples, chunk, JOBS)
     simulations = _linear_simulations(scenario) + 1
     of_these = "" if simulations == 1 else f" for {simulations} simulations"
-    before = _before(scenario) * each / simulations
+    of_one = Pace(pace.start / simulations, pace.each / simulations)
+    beside = _beside(scenario, of_one)
+    if not is_users_with_noise(scenario):
+        beside += of_one.seconds(*count_flights(engine, dispersed, samples))
+    each = pace.seconds(min(samples, chunk)) / min(samples, chunk)
     told = (
         f"a sample takes {_precisely(each)}{of_these}; {samples:,} on {JOBS} workers {_about(whole)}, "
-        f"after {_about(before)} of simulations beforehand"
+        f"and {_about(beside)} of other simulations"
     )
     if samples <= chunk and whole > LONG:
         told += f"; they are one chunk, which one worker takes: chunk = {-(-samples // JOBS)} in the class shares them"
@@ -96,8 +85,10 @@ def _linear_simulations(scenario: UserScenario) -> int:
     return 1 if scenario.own_linear else 2
 
 
-def _before(scenario: UserScenario) -> int:
-    """Return the simulations before the samples of a run, with a covariance of the noise that is kept."""
+def _beside(scenario: UserScenario, pace: Pace) -> float:
+    """Return the time of simulations before the samples of a run, s; those that the check has kept take none."""
     sources = len(scenario.sources)
-    count = 2 * len(SHARES) * sources + 3 * FLOWN_TWICE + (2 * sources if len(scenario.reading_times) else 0)
-    return count + (2 * FLOWN_TWICE + 4 * RESPONSES + 3 if is_users_with_noise(scenario) else 0)
+    differences = pace.seconds(2 * len(SHARES) * sources)
+    count = 3 * FLOWN_TWICE + (2 * sources if len(scenario.reading_times) else 0)
+    count += 2 * FLOWN_TWICE + 4 * RESPONSES + 3 if is_users_with_noise(scenario) else 0
+    return pace.seconds(count) + (differences if differences < KEPT_FROM else 0.0)

@@ -16,7 +16,7 @@ from mcnav.analysis.sweep import Variable
 from mcnav.config.read import parse_campaign
 from mcnav.report.document.parts import Verdict
 from mcnav.report.pages.filter_kinds import terminal
-from mcnav.studies.compare_filters import Pace, _tell_time
+from mcnav.studies.compare_filters import KindPace, _tell_time
 from tests.commands import invoke
 from tests.filter_kinds import CAMPAIGN
 
@@ -85,12 +85,15 @@ def test_one_command_gives_one_table(folder: Path) -> None:
 
 
 def test_the_time_of_long_comparisons_is_told_beforehand(capsys: pytest.CaptureFixture[str]) -> None:
-    """Two workers take 150 samples in chunks of 100 as long as one chunk; comparisons of seconds are not told."""
+    """Two workers take 150 samples in chunks of 100 as long as one chunk; comparisons of seconds are not told.
+
+    What the first run takes beside its samples, 5 s of 55, every run takes.
+    """
     campaigns = [parse_campaign(CAMPAIGN | {"samples": 150}, "kinds.toml", "kinds")] * 2
-    _tell_time(campaigns, [Pace(500.0, 100), Pace(250.0, 100)], 2)
-    told = "note: 2 runs of 150 samples: about 1 min 15 s with --jobs 2, less what is stored already\n"
+    _tell_time(campaigns, [KindPace(9.0, 0.5, 100), KindPace(9.0, 0.25, 100)], 2, 55.0)
+    told = "note: 1 more run of 150 samples: about 30 s with --jobs 2, less what is stored already\n"
     assert capsys.readouterr().err == told
-    _tell_time(campaigns, [Pace(5.0, 100)] * 2, 2)
+    _tell_time(campaigns, [KindPace(9.0, 0.005, 100)] * 2, 2, 1.0)
     assert capsys.readouterr().err == ""
 
 

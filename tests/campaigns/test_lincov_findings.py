@@ -87,7 +87,9 @@ def test_an_optimistic_filter_comes_first_with_factor_time_and_cause(tmp_path: P
     assert judged["causes"][0]["name"].startswith("gyro_misalignment")
     words, tone = statements(found)[0]
     assert tone == "differs"
-    assert words.startswith("The filter is optimistic by a factor of 13 in tilt east from 1 min on. It is worst at 34 min. ")
+    assert words.startswith(
+        "The filter is optimistic by a factor of 13 in tilt east from 1 min on. It is worst at 34 min. "
+    )
     assert "Largest unmodelled errors: gyro misalignment" in words
     assert shown(found).startswith(words)
     assert f'<p class="headline">{words}.</p>' in page.read_text()

@@ -27,9 +27,8 @@ GROUPS: Final = ("navigation", "position", "velocity", "attitude")
 """Groups of errors in the data."""
 
 NOTES: Final = (
-    "Every kind has the same initial and sensor errors; all but ukf, which the reference engine simulates, have the "
-    "same noise. The ratio is true sigma "
-    "÷ filter sigma where the verdict is decided, over the whole flight.",
+    "Every kind has the same initial errors, sensor errors and noise. The ratio is true sigma ÷ filter sigma where the "
+    "verdict is decided, over the whole flight.",
     "Its interval is that of all epochs together. NEES and sigmas are those at the end. Horizontal position is DRMS, "
     "the root of the sum of two variances.",
     "To first order all kinds are one filter: linear analysis has one answer. What a sample takes is its computing "

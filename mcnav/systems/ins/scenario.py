@@ -138,7 +138,8 @@ REVISION: Final = 7
 
 4 computes them in single precision, 5 linear errors as sums. 6 computes the velocity of an antenna on a lever arm with
 measured rates. 7 turns the force's error to the attitude that a filter's sample indicates. It is two more where
-samples have responses of their own to a heading, a boresight, a map, a scale factor or a delay (`measures_exactly`).
+samples have responses of their own to a heading, a boresight, a map, a scale factor or a delay (`measures_exactly`),
+and one more with an unscented filter, whose points are columns of Cholesky's factor.
 """
 
 EPOCHS: Final = 60
@@ -457,7 +458,8 @@ class Ins(PlainScenario):
                 "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
             )
         self.navigation = navigation
-        self.revision = REVISION + 2 * navigation.measures_exactly
+        unscented = navigation.filter is not None and navigation.filter.kind == UKF
+        self.revision = REVISION + 2 * navigation.measures_exactly + unscented
         self.further_epochs = navigation.further  # samples' noise depends on all epochs
         self.remarks = remarks
         self._last_starts: tuple[tuple[str, bytes], Propagated] | None = None
@@ -496,8 +498,6 @@ class Ins(PlainScenario):
         """Names of the engines."""
         if self.navigation.filter is None:
             return ("ensemble", "reference")
-        if self.navigation.filter.kind == UKF:
-            return ("reference",)
         if self.navigation.filter.kind != EKF:
             return ("ensemble", "reference")
         if self.navigation.filter.smoothed:

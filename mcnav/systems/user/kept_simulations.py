@@ -20,9 +20,10 @@ from mcnav.contract.engine import Engine
 from mcnav.contract.filter_record import FilterSchema
 from mcnav.contract.history import Epochs
 from mcnav.contract.samples import Batch, SimulationResult
+from mcnav.execution.pace import measure_pace
 from mcnav.execution.progress import TOGETHER, TooLong
 from mcnav.systems.user.code import Loaded, UserScenarioSpec
-from mcnav.systems.user.kept import KeptNumbers, Kind, keep
+from mcnav.systems.user.kept import KEPT_FROM, TOLD_FROM, KeptNumbers, Kind, keep
 
 DIFFERENCES: Final = Kind(
     Cache("differences"), (), "simulating differences for partial derivatives",
@@ -85,7 +86,7 @@ def _simulate_once(
     together : bool
         Whether samples are simulated in one call.
     allowed : float
-        Seconds that simulations may take, by that one; more raise `TooLong`.
+        Seconds that simulations may take, by that one and a few others; more raise `TooLong`.
     """
     named = replace(kind, computed=(*kind.computed, hashlib.sha256(errors.tobytes()).hexdigest()))
 
@@ -93,10 +94,18 @@ def _simulate_once(
         result, further = simulate(repeated)
         return np.concatenate([result.values.ravel(), further.ravel()])
 
+    def expected(first: float) -> float:
+        """Return the time of all, s: by the first alone where that is short, or where a few would take as long."""
+        if len(errors) * first < min(TOLD_FROM, allowed):
+            return len(errors) * first
+        if together and TOGETHER * first > KEPT_FROM:
+            return TOGETHER * first
+        return measure_pace(lambda count: simulate(errors[:count]), len(errors), together).seconds(len(errors))
+
     def compute() -> KeptNumbers:
         began = time.perf_counter()
         first = alone()
-        seconds = (TOGETHER if together else len(errors)) * (time.perf_counter() - began)
+        seconds = expected(time.perf_counter() - began)
         if seconds > allowed:
             raise TooLong(seconds)
         named.tell(seconds)

@@ -94,6 +94,7 @@ def test_the_error_state_filter_takes_it_as_it_is() -> None:
 def _double(covariance: Array) -> Any:
     """A navigator whose state is its correction, without axes that turn."""
     navigator = SimpleNamespace(filter=SimpleNamespace(P=covariance), state=np.zeros(3), estimates=np.zeros(0))
+    navigator.from_inertial = lambda: np.eye(len(covariance))
     navigator.corrected = lambda change: (change, np.zeros(0))
     navigator.correct = lambda change: setattr(navigator, "state", change)
     return navigator
@@ -132,7 +133,7 @@ def test_sigma_points_are_exact_for_lines_and_squares() -> None:
     """Of a singular covariance too: moments of a linear response with Kalman's update, and those of a square."""
     root = np.array([[1.0, 0.0, 0.0], [0.5, 2.0, 0.0], [0.0, 0.0, 0.0]])
     covariance = root @ root.T
-    points = sigma_points(covariance)
+    points = sigma_points(covariance, np.eye(3))
     np.testing.assert_allclose(points.T @ points / 2.0, covariance, atol=1e-14)
     line, variances = np.array([[1.0, 2.0, 0.5]]), np.array([0.3])
 

@@ -16,8 +16,8 @@ from mcnav.config.read import parse_campaign
 from mcnav.config.toml import load_mapping
 from mcnav.systems.ins.aided import AidedReferenceEngine
 from mcnav.systems.ins.ensemble.filters import begin_covariances, covariances_in_lanes, covariances_of
-from mcnav.systems.ins.ensemble.kind_updates import FAST, carry_over, kind_rooms, retract
-from mcnav.systems.ins.filter.model import EKF, LEFT, RIGHT
+from mcnav.systems.ins.ensemble.kind_updates import carry_over, kind_rooms, retract
+from mcnav.systems.ins.filter.model import EKF, KINDS, LEFT, RIGHT
 from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.reference.error_definitions import carried_over, retracted
 from tests.filter_kinds import CAMPAIGN
@@ -75,10 +75,10 @@ FINE = 0.05
 """Steps of the reference engine, s."""
 
 
-@pytest.mark.parametrize("kind", FAST)
+@pytest.mark.parametrize("kind", KINDS)
 def test_both_engines_have_the_same_filter(kind: str) -> None:
-    """With 20 degrees of heading kinds differ by sigmas, and engines as the EKF's do: by steps, 1e-3 of sigma."""
+    """With 20 degrees of heading kinds differ by half a sigma and more; engines by their steps, 1e-3 of sigma."""
     reference, ensemble, sigmas = _flown(kind)
     assert np.max(np.abs(reference - ensemble) / sigmas) <= 2e-3
     if kind != EKF:
-        assert np.max(np.abs(ensemble - _flown(EKF)[1]) / sigmas) > 1.0
+        assert np.max(np.abs(ensemble - _flown(EKF)[1]) / sigmas) > 0.3

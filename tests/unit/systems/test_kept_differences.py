@@ -10,7 +10,7 @@ import pytest
 
 from mcnav.entries.inputs import SourceFile
 from mcnav.systems.finite_differences import SHARES
-from mcnav.systems.user import code, kept
+from mcnav.systems.user import code, kept, kept_simulations
 from mcnav.systems.user.code import UserScenarioSpec
 from mcnav.systems.user.scenario import UserScenario
 from mcnav.systems.user.stochastic_scenario import TimedUserScenario, user_scenario
@@ -134,3 +134,16 @@ def test_a_long_wait_is_told_beforehand(monkeypatch: pytest.MonkeyPatch, capsys:
     told = capsys.readouterr().err
     assert told.startswith("note: simulating differences for partial derivatives: about ")
     assert told.endswith(" on this machine, kept for the next commands\n")
+
+
+def test_what_the_first_flight_loads_is_not_told_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes 0.2 s longer than others; all others take milliseconds, and 1 s on the busiest machine."""
+    told: list[float] = []
+    monkeypatch.setattr(kept.Kind, "tell", lambda kind, seconds: told.append(seconds))
+    monkeypatch.setattr(kept_simulations, "TOLD_FROM", 0.0)
+    slow = CURVE.replace(
+        "        a, b = errors\n", "        if self.flown == 1:\n            time.sleep(0.2)\n        a, b = errors\n"
+    )
+    _differenced(_opened("import time\n" + slow))
+    assert len(told) == 1
+    assert told[0] < 1.0 < 0.2 * (EVERY - ALONE)

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.blocks import ENTRIES, THREE, blocks_of, count_threes
-from mcnav.compiled.jit import allocation_free_loop, allocation_free_part, allocation_free_subroutine, inlined
+from mcnav.compiled.jit import allocation_free_loop, allocation_free_subroutine, inlined
 from mcnav.compiled.shapes import check_shapes
-from mcnav.compiled.vectors import LANES, Store, load, parts_of, room, store
+from mcnav.compiled.vectors import LANES, STORED, Store, load, parts_of, room, store
 from mcnav.sampler.normals import draw_normals
 from mcnav.systems.ins.ensemble.adjoint import Adjoint, add_linear, adjoint_of_closed
 from mcnav.systems.ins.ensemble.deviations import deviate
+from mcnav.systems.ins.ensemble.estimate_steps import EstimateSteps, subtract_estimates
 from mcnav.systems.ins.ensemble.filters import (
     BEYOND,
     SOUND,
@@ -60,6 +61,7 @@ from mcnav.systems.ins.ensemble.records import (
     width_of_record,
 )
 from mcnav.systems.ins.ensemble.sample_groups import STEPS_OF_BLOCK, SampleGroups, put_aside, sample_groups, take_back
+from mcnav.systems.ins.ensemble.sigma_points import POINTS, count_points, points_of
 from mcnav.systems.ins.ensemble.steps import (
     SHORT,
     DeviationParts,
@@ -92,7 +94,7 @@ from mcnav.systems.ins.ensemble.updates import (
     whiten_by_shared,
 )
 from mcnav.systems.ins.filter.consistency import COUNTS
-from mcnav.systems.ins.filter.model import EKF, NAVIGATION
+from mcnav.systems.ins.filter.model import EKF, NAVIGATION, UKF
 from mcnav.systems.ins.filter.tables import noise_matrices
 from mcnav.systems.ins.imu.instruments import CONSTANTS, IMU_STREAM
 from mcnav.systems.ins.linear.closed_loop import ClosedLoop, ShownPairs
@@ -122,23 +124,6 @@ It would add 1e-7 of the position's variance.
 
 EPOCH_STREAM: Final = 4
 """Stream of the correlated errors' change from the last measurement to an epoch."""
-
-
-class EstimateSteps(NamedTuple):
-    """Tables for the filters' estimates of errors over K steps, of `mcnav.systems.ins.filter.tables.FilterTables`.
-
-    Attributes
-    ----------
-    turning, moving, fading : ndarray of int
-        Other states that psi responds to, that v and x respond to, and that are not constants.
-    """
-
-    coupling: Array
-    decay: Array
-    corrected: Array
-    turning: IndexArray
-    moving: IndexArray
-    fading: IndexArray
 
 
 @dataclass(frozen=True)
@@ -347,10 +332,12 @@ class AidedTables:
         covariances = share_covariances(self.shared.covariances, chosen, shared.output_maps)
         if (pairs := ShownPairs.of(self.loop, shared.epochs)) is not None:
             covariances = covariances._replace(variances=pairs.of_covariances(self.shared.covariances[:, 9:, 9:]))
+        stops = np.diff(self.loop.first_updates) > 0
+        stops[0], stops[shared.epochs] = True, True
         return EpochTables(
             shared.epochs, shared.truth, shared.output_maps, covariances, self.loop.first_updates, shared.sizes,
             blocks_of(model.initial), self.biases, self.drifts, self.drift_sigmas, self.faded, chosen,
-            np.ascontiguousarray(model.natural(shared.epochs)), model.partners,
+            np.ascontiguousarray(model.natural(shared.epochs)), model.partners, stops,
         )  # fmt: skip
 
     @cached_property
@@ -560,10 +547,13 @@ def simulate_aided(
         0, 0, steps.constants, of_filter, updates, rooms.samples, rooms.own, rooms.filters, rooms.accepted,
         rooms.whitened, rooms.cause, rooms.of_kind,
     )  # fmt: skip
-    number = number_of(tables.loop.model.kind if own else EKF, given_kind)
-    _run(
-        steps, tables.estimate_steps, of_filter, updates, tables.epochs, of_samples, noise, rooms, own, number, results
+    kind, estimated = tables.loop.model.kind if own else EKF, tables.estimate_steps
+    given_points = (
+        0, False, tables.epochs.stops, steps, estimated, rooms.samples, rooms.own, rooms.filters,
+        rooms.of_kind.kept, rooms.of_kind.points,
     )  # fmt: skip
+    numbers = number_of(kind, given_kind), points_of(kind, given_points)
+    _run(steps, estimated, of_filter, updates, tables.epochs, of_samples, noise, rooms, own, *numbers, results)
     beyond = (results.outcomes == SOUND) & ~np.isfinite(results.values).all(axis=(1, 2))
     outcome = np.where(beyond, BEYOND, results.outcomes)
     return AidedErrors(
@@ -660,12 +650,13 @@ def _lane_rooms(
     # the last block may end with the epoch after all steps
     blocks = np.append(loop.first_updates[:-1:STEPS_OF_BLOCK], loop.first_updates[-1])
     disturbed_together = int(np.diff(blocks).max())
-    keep = Store()
+    kind = loop.model.kind if own else EKF
+    keep = Store(STORED + (NAVIGATION + 1 + states) * count_points(states) * (kind == UKF))
     deviations = deviations_of(errors, len(shared.sizes), keep)
     filtered = estimates_of(
         states, aiding, components, len(loop.sensors), keep, keep if drifting else room, most
     )  # fmt: skip
-    covariances = room(9 + states, 9 + states)
+    covariances, of_kind = room(9 + states, 9 + states), kind_rooms(states, kind, most, keep)
     return _LaneRooms(
         deviations,
         filtered,
@@ -683,7 +674,7 @@ def _lane_rooms(
         room(components if drifting else 0),
         reading_rooms(states, width_of_record(len(tables.epochs.chosen), states, len(loop.sensors)), own),
         sample_groups(count, keep),
-        kind_rooms(states, loop.model.kind if own else EKF),
+        of_kind,
     )
 
 
@@ -704,24 +695,6 @@ def _begin(begin: int, size: int, given: _Given, samples: Deviations, own: Estim
     for sensor in range(len(own.tally)):
         for c in range(COUNTS):
             store(own.tally, (sensor, c), 0.0)
-
-
-@allocation_free_part
-def _subtract_estimates(k: int, tables: EstimateSteps, samples: Deviations, own: Estimates) -> None:
-    """Subtract from the response of a step what the filters have estimated of the errors of the instruments."""
-    coupling = tables.coupling
-    for r in range(0, 9, 3):
-        x, y, z = load(samples.response, r), load(samples.response, r + 1), load(samples.response, r + 2)
-        for s in tables.turning if r == 0 else tables.moving:
-            estimate = load(own.estimate, s)
-            x -= coupling[k, r, s] * estimate
-            y -= coupling[k, r + 1, s] * estimate
-            z -= coupling[k, r + 2, s] * estimate
-        store(samples.response, r, x)
-        store(samples.response, r + 1, y)
-        store(samples.response, r + 2, z)
-    for s in tables.fading:
-        store(own.estimate, s, tables.decay[k, s] * load(own.estimate, s))
 
 
 @inlined
@@ -810,13 +783,13 @@ def _respond(
         for i in range(LANES):
             add_given(noise.added[begin + min(i, size - 1), k * width :], i, samples)
     add_linear(steps.adjoint, k, 9, samples.response, samples.linear)
-    _subtract_estimates(k, estimated, samples, lanes.own)
+    subtract_estimates(k, estimated, samples.response, lanes.own.estimate)
 
 
 @allocation_free_loop
 def _run(
     steps: StepTables, estimated: EstimateSteps, of_filter: FilterSteps, updates: UpdateTables, epochs: EpochTables,
-    given: _Given, noise: _Noise, lanes: _LaneRooms, own_gains: bool, of_kind: int,
+    given: _Given, noise: _Noise, lanes: _LaneRooms, own_gains: bool, of_kind: int, of_points: int,
     results: Readings,
 ) -> None:  # fmt: skip
     """Simulate all samples, LANES at a time: each group over a block of steps, whose tables stay in the cache."""
@@ -881,6 +854,11 @@ def _run(
                     break
                 # the step: response to errors less what is estimated, deviations, P' = F P F^T + Q
                 _respond(k, (k - block) * width, begin, size, steps, estimated, noise, lanes)
+                if of_points != 0:
+                    POINTS(
+                        of_points, k, False, epochs.stops, steps, estimated, samples, own, filters, lanes.of_kind.kept,
+                        lanes.of_kind.points,
+                    )  # fmt: skip
                 if steps.durations[k] <= SHORT:
                     advance_short(k, steps, samples, lanes.parts, own_gains)
                     fresh = True
@@ -891,6 +869,11 @@ def _run(
                     fresh = False
                 if own_gains:
                     propagate_covariances(k, of_filter, lanes.parts.response, lanes.parts.turned, filters)
+                if of_points != 0:
+                    POINTS(
+                        of_points, k, True, epochs.stops, steps, estimated, samples, own, filters, lanes.of_kind.kept,
+                        lanes.of_kind.points,
+                    )  # fmt: skip
             if end > all_steps:
                 for i in range(size):
                     of_lane = int(lanes.cause[0, i])

@@ -309,7 +309,7 @@ def _nine_of(rows: Array, t: int, c: int, j: int) -> Block:
 
 
 @allocation_free_part
-def _store_root(root: Array, t: int, c: int, e: int, x: Block) -> None:
+def store_root(root: Array, t: int, c: int, e: int, x: Block) -> None:
     """Write a block of the innovations' covariance to where its Cholesky factor will be."""
     for i in range(THREE):
         for j in range(THREE):
@@ -347,7 +347,7 @@ def project_along_truth(u: int, m: int, tables: FilterUpdates, filters: Covarian
                 for s in tables.linked:
                     if tables.responding[u, s]:
                         x = add_product(x, load_numbers(states, (u, c, s)), load_block(cross, (t, THREE + s, e)))
-                _store_root(filters.root_parts, t, c, e, x)
+                store_root(filters.root_parts, t, c, e, x)
 
 
 @allocation_free_subroutine
@@ -375,7 +375,7 @@ def project_along_samples(u: int, m: int, tables: FilterUpdates, filters: Covari
                 for s in tables.linked:
                     if tables.responding[u, s]:
                         x = add_product(x, _nine_of(rows, t, c, THREE + s), load_block(cross, (t, THREE + s, e)))
-                _store_root(filters.root_parts, t, c, e, x)
+                store_root(filters.root_parts, t, c, e, x)
 
 
 @allocation_free_part
@@ -455,7 +455,7 @@ def whiten_projected(m: int, t: int, accepted: Array, whitened: Array, filters: 
 
 
 @allocation_free_part
-def _reduce(m: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
+def reduce_projected(m: int, t: int, tables: FilterSteps, filters: Covariances) -> None:
     """Compute the covariances of part t after an update: ``P - W W^T`` with ``W = P H^T L^-T``.
 
     The covariance of two considered states stays as it is.
@@ -547,7 +547,7 @@ def update_covariances(
         if tables.careful[u]:
             _reduce_by_joseph(u, m, t, steps, tables, filters)
         else:
-            _reduce(m, t, steps, filters)
+            reduce_projected(m, t, steps, filters)
 
 
 @allocation_free_subroutine

@@ -47,6 +47,7 @@ from mcnav.compiled.numba_private import ADDRESSES, address_of, call_by_address,
 from mcnav.compiled.vectors import (
     LANES,
     PARTS,
+    Rooms,
     Vector,
     load,
     load_part,
@@ -58,6 +59,7 @@ from mcnav.compiled.vectors import (
     where,
 )
 from mcnav.systems.ins.ensemble.filters import (
+    SIX,
     Covariances,
     FilterSteps,
     factor_innovations,
@@ -66,7 +68,10 @@ from mcnav.systems.ins.ensemble.filters import (
     update_covariances,
     whiten_projected,
 )
+from mcnav.systems.ins.ensemble.kept_samples import KeptSamples, keep_samples, kept_samples, take_back_samples
+from mcnav.systems.ins.ensemble.sigma_points import PointRooms, point_rooms
 from mcnav.systems.ins.ensemble.steps import Deviations, rotation_less_one
+from mcnav.systems.ins.ensemble.unscented_updates import update_by_points
 from mcnav.systems.ins.ensemble.updates import (
     Estimates,
     UpdateTables,
@@ -75,7 +80,7 @@ from mcnav.systems.ins.ensemble.updates import (
     judge,
     whiten_by_own,
 )
-from mcnav.systems.ins.filter.model import EKF, ITERATED, ITERATIONS, LEFT, NAVIGATION, RIGHT, SETTLED
+from mcnav.systems.ins.filter.model import EKF, ITERATED, ITERATIONS, LEFT, NAVIGATION, RIGHT, SETTLED, UKF
 
 
 class KindRooms(NamedTuple):
@@ -83,8 +88,8 @@ class KindRooms(NamedTuple):
 
     Attributes
     ----------
-    turn, moved, estimate, sound : ndarray
-        Samples before an iterated update, as `Deviations` and `Estimates` have them.
+    kept : KeptSamples
+        Samples before an update that moves them on trial.
     reached : ndarray, shape (9 + q, LANES)
         Correction at which innovations are taken.
     sigmas : ndarray, shape (9 + q, LANES)
@@ -96,27 +101,34 @@ class KindRooms(NamedTuple):
     carried : ndarray, shape (4, 9, PART)
         What psi, v and x of an invariant error have of themselves as they are carried over; what v has of psi, v of x
         and x of psi.
+    points : PointRooms
     """
 
-    turn: Array
-    moved: Array
-    estimate: Array
-    sound: Array
+    kept: KeptSamples
     reached: Array
     sigmas: Array
     sigma_parts: Array
     apart: Array
     carried: Array
+    points: PointRooms
 
 
-def kind_rooms(states: int, kind: str) -> KindRooms:
-    """Return room for the updates of a kind of filter with a number of states besides those of navigation."""
+def kind_rooms(states: int, kind: str, most: int = SIX, keep: Rooms = room) -> KindRooms:
+    """Return room for a kind of filter with a number of states besides those of navigation.
+
+    Parameters
+    ----------
+    most : int
+        Components of the largest measurement.
+    keep : callable
+        Makes the rooms that outlast a step.
+    """
     iterated = kind == ITERATED
     rows = NAVIGATION + states if iterated else 0
     sigmas = room(rows)
     return KindRooms(
-        room(4 * iterated), room(6 * iterated), room(states * iterated), room(int(iterated)), room(rows), sigmas,
-        parts_of(sigmas), room(int(iterated)), room_of_parts(4 * (kind in (LEFT, RIGHT)), ENTRIES),
+        kept_samples(states, kind in (ITERATED, UKF)), room(rows), sigmas, parts_of(sigmas), room(int(iterated)),
+        room_of_parts(4 * (kind in (LEFT, RIGHT)), ENTRIES), point_rooms(states, most, kind == UKF, keep),
     )  # fmt: skip
 
 
@@ -269,13 +281,7 @@ def update_right(
 @allocation_free_part
 def _keep(samples: Deviations, own: Estimates, filters: Covariances, rooms: KindRooms) -> None:
     """Keep the samples before an update, and their filters' sigmas."""
-    for r in range(4):
-        store(rooms.turn, r, load(samples.turn, r))
-    for r in range(6):
-        store(rooms.moved, r, load(samples.moved, r))
-    for s in range(len(own.estimate)):
-        store(rooms.estimate, s, load(own.estimate, s))
-    store(rooms.sound, 0, load(samples.sound, 0))
+    keep_samples(samples, own, rooms.kept)
     for r in range(len(rooms.sigmas)):
         for t in range(PARTS):
             block, at = r // THREE, r % THREE
@@ -283,18 +289,6 @@ def _keep(samples: Deviations, own: Estimates, filters: Covariances, rooms: Kind
         variance = load(rooms.sigmas, r)
         store(rooms.sigmas, r, np.sqrt(where(variance > 0.0, variance, 0.0)))
         store(rooms.reached, r, 0.0 * variance)
-
-
-@allocation_free_part
-def _take_back(samples: Deviations, own: Estimates, rooms: KindRooms) -> None:
-    """Let samples be as they were before the update."""
-    for r in range(4):
-        store(samples.turn, r, load(rooms.turn, r))
-    for r in range(6):
-        store(samples.moved, r, load(rooms.moved, r))
-    for s in range(len(own.estimate)):
-        store(own.estimate, s, load(rooms.estimate, s))
-    store(samples.sound, 0, load(rooms.sound, 0))
 
 
 @allocation_free_part
@@ -339,7 +333,7 @@ def update_iterated(
         innovate(u, m, constants, updates, samples, filters.rows, own)
         if number > 0:
             _add_response(u, m, updates, filters, own, rooms.reached)
-            _take_back(samples, own, rooms)
+            take_back_samples(samples, own, rooms.kept)
         _project(u, m, updates, samples, cause, filters)
         whiten_by_own(m, filters.root, filters.inverse, own)
         if number == 0:
@@ -356,15 +350,24 @@ def update_iterated(
     return u
 
 
-_OF_KINDS: Final[Mapping[str, Any]] = {ITERATED: update_iterated, LEFT: update_left, RIGHT: update_right}
+def update_unscented(
+    u: int, m: int, constants: Array, of_filter: FilterSteps, updates: UpdateTables, samples: Deviations,
+    own: Estimates, filters: Covariances, accepted: Array, whitened: Array, cause: Array, rooms: KindRooms,
+) -> int:  # fmt: skip
+    """Update samples by what their sigma points predict, and return u."""
+    given = (u, m, constants, of_filter, updates, samples, own, filters, accepted, whitened, cause)
+    update_by_points(*given, rooms.kept, rooms.points)
+    return u
 
-FAST: Final = (EKF, *_OF_KINDS)
-"""Kinds of filters of the fast engine."""
+
+_OF_KINDS: Final[Mapping[str, Any]] = {
+    ITERATED: update_iterated, LEFT: update_left, RIGHT: update_right, UKF: update_unscented
+}  # fmt: skip
 
 
 def choose_by_number() -> Any:
     """Return a compiled function that begins with the number of a kind, and calls its update."""
-    iterated, left, right = (allocation_free_part(function) for function in _OF_KINDS.values())
+    iterated, left, right, unscented = (allocation_free_part(function) for function in _OF_KINDS.values())
 
     @allocation_free_part
     def choose(
@@ -377,8 +380,10 @@ def choose_by_number() -> Any:
             iterated(*given)
         elif number == 2:
             left(*given)
-        else:
+        elif number == 3:
             right(*given)
+        else:
+            unscented(*given)
         return u
 
     return choose

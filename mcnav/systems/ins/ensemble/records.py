@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.compiled.jit import allocation_free_part, allocation_free_subroutine
@@ -47,6 +48,8 @@ class EpochTables(NamedTuple):
     natural, partners : ndarray, shapes (m, q, 2), (q,)
         What states that are shown have of themselves and of others, as
         `mcnav.systems.ins.filter.tables.FilterTables` has it.
+    stops : ndarray of bool, shape (K + 1,)
+        Whether steps begin at the start, at updates or at epochs, the end of all steps included.
     """
 
     numbers: IndexArray
@@ -63,6 +66,7 @@ class EpochTables(NamedTuple):
     chosen: IndexArray
     natural: Array
     partners: IndexArray
+    stops: NDArray[np.bool_]
 
 
 class ReadingRooms(NamedTuple):

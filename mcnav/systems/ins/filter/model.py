@@ -43,6 +43,9 @@ ITERATIONS: Final = 10
 SETTLED: Final = 1e-3
 """Change of a correction, in sigmas, at which iteration ends."""
 
+SINGULAR: Final = 1e-13
+"""Share of a state's variance that other states leave, below which it is rounding: sigma points do without it."""
+
 
 @dataclass(frozen=True)
 class Beliefs:

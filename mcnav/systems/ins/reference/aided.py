@@ -290,7 +290,8 @@ class AidedFlight:
         )
         self.durations = np.diff(engine.step_times)
         state = navigator.indicated_start(errors[: len(OUTPUTS)])
-        self.navigator = FilteredNavigator(self.earth, navigator.gravitation, self.model, state, engine.start)
+        aligned = float(engine.truth.times[0])
+        self.navigator = FilteredNavigator(self.earth, navigator.gravitation, self.model, state, engine.start, aligned)
         self.counts = [SensorCounts() for _ in engine.sensors]
         self.offsets = list(self._measurement_errors())
         self.late = tuple(self._late_truths())

@@ -17,7 +17,7 @@ import numpy as np
 from mcnav.arrays.types import Array, IndexArray
 from mcnav.systems.ins.earth import Earth
 from mcnav.systems.ins.filter.model import NAVIGATION
-from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
+from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY, cross_matrix
 from mcnav.systems.ins.reference.collocation import AT_END, NODES, REASONS, STATE, WEIGHTS, WENT_ON, advance
 from mcnav.systems.ins.reference.compensation import Compensation
 from mcnav.systems.ins.reference.earth_fixed_errors import ErrorModel, FilterSteps, gravitation_gradients
@@ -78,15 +78,21 @@ class FilteredNavigator:
         Indicated quaternion, velocity and position at the start.
     start : float
         s.
+    aligned : float, optional
+        Instant at which earth-fixed axes are the inertial ones, s; the start unless given.
     """
 
-    def __init__(self, earth: Earth, gravitation: Array, model: ErrorModel, state: Array, start: float) -> None:
+    def __init__(
+        self, earth: Earth, gravitation: Array, model: ErrorModel, state: Array, start: float,
+        aligned: float | None = None,
+    ) -> None:  # fmt: skip
         from filterpy.kalman import KalmanFilter
 
         self.earth, self.gravitation, self.model = earth, gravitation, model
         self.kind = model.model.kind
         self.compensation = Compensation(model)
         self.estimates, self.estimated_at = np.zeros(len(model.states)), start
+        self._aligned = start if aligned is None else aligned
         self.state = state
         self.filter: Any = KalmanFilter(dim_x=model.size, dim_z=1)
         self.filter.P = model.initial_covariance(self.frame().to_outputs(state[4:7]))
@@ -94,6 +100,15 @@ class FilteredNavigator:
     def frame(self) -> LocalFrame:
         """Return the local axes at the indicated position."""
         return LocalFrame.at(self.earth, self.state[7:])
+
+    def from_inertial(self) -> Array:
+        """Return the map of errors from inertial axes, shape (9 + q, 9 + q): ``v = C^T v_i - W x C^T x_i``."""
+        turn = self.earth.turned(np.array(self.estimated_at - self._aligned)).T
+        result = np.eye(self.model.size)
+        for place in (ATTITUDE, VELOCITY, POSITION):
+            result[place, place] = turn
+        result[VELOCITY, POSITION] = -cross_matrix(np.array([0.0, 0.0, self.earth.rotation_rate])) @ turn
+        return result
 
     def advance(self, measured: Array, begins: Array, durations: Array, steps: FilterSteps, until: float) -> Passage:
         """Integrate the indicated state and the filter's covariance over n steps, to an instant.

@@ -9,9 +9,10 @@ at the corrected state, until the correction c no longer changes::
     c <- K (y(c) + H(c) c)        K = P H^T (H P H^T + R)^-1
 
 **Sigma points** e_j, the 2n columns of +-L with P = L L^T, about the estimate as in Brossard, Barrau and Bonnabel
-(2020), *A code for unscented Kalman filtering on manifolds*, but at a distance of one sigma. Each is integrated from
-its own state with readings compensated by its own estimates, and has the error e'_j of the estimate, integrated alike,
-after the step; Q is the process noise of the linear system::
+(2020), *A code for unscented Kalman filtering on manifolds*, but at a distance of one sigma. L is Cholesky's, for
+errors in inertial axes in the order of the states: other roots are other points. Each is integrated from its own state
+with readings compensated by its own estimates, and has the error e'_j of the estimate, integrated alike, after the
+step; Q is the process noise of the linear system::
 
     m = sum(e'_j) / 2        P <- sum(e'_j e'_j^T) / 2 + m m^T + Q
 
@@ -30,7 +31,7 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.numerics.extended_poses import logarithm
-from mcnav.systems.ins.filter.model import ITERATIONS, NAVIGATION, SETTLED
+from mcnav.systems.ins.filter.model import ITERATIONS, NAVIGATION, SETTLED, SINGULAR
 from mcnav.systems.ins.reference.axes import ATTITUDE, POSITION, VELOCITY
 from mcnav.systems.ins.reference.collocation import NODES
 from mcnav.systems.ins.reference.earth_fixed_errors import FilterSteps
@@ -69,12 +70,22 @@ def iterate(navigator: FilteredNavigator, measure: Measure, variances: Array, th
     return Update(first, own, gain, True)
 
 
-def sigma_points(covariance: Array) -> Array:
-    """Return the errors of 2n sigma points, shape (2n, n), of a covariance that may be singular."""
-    sigmas = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    over = np.where(sigmas > 0.0, sigmas, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(over, over))
-    rows = (sigmas[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T
+def sigma_points(covariance: Array, from_inertial: Array) -> Array:
+    """Return the errors of 2n sigma points, shape (2n, n), of a covariance that may be singular.
+
+    Parameters
+    ----------
+    from_inertial : ndarray, shape (n, n)
+        From errors in inertial axes to those of the covariance.
+    """
+    to_inertial = np.linalg.inv(from_inertial)
+    left = to_inertial @ covariance @ to_inertial.T
+    least, root = SINGULAR * np.diag(left), np.zeros_like(left)
+    for c in range(len(left)):
+        if left[c, c] > least[c]:
+            root[c:, c] = left[c:, c] / np.sqrt(left[c, c])
+            left = left - np.outer(root[:, c], root[:, c])
+    rows = (from_inertial @ root).T
     return np.concatenate([rows, -rows])
 
 
@@ -89,7 +100,7 @@ def update_by_sigma_points(
 ) -> Update:
     """Update by sigma points, if the normalized square of the mean innovation is within a threshold."""
     covariance = navigator.filter.P
-    errors = sigma_points(covariance)
+    errors = sigma_points(covariance, navigator.from_inertial())
     central = measure(navigator.state, navigator.estimates)[0]
     apart = np.array([measure(*navigator.corrected(error))[0] for error in errors]) - central
     mean, own = moments(apart)
@@ -109,7 +120,8 @@ def advance_by_sigma_points(
     navigator: FilteredNavigator, measured: Array, begins: Array, durations: Array, steps: FilterSteps, until: float
 ) -> None:
     """Integrate the indicated state and the sigma points over n steps, as `FilteredNavigator.advance` does."""
-    points = [navigator.corrected(sigma_point) for sigma_point in sigma_points(navigator.filter.P)]
+    begun = sigma_points(navigator.filter.P, navigator.from_inertial())
+    points = [navigator.corrected(sigma_point) for sigma_point in begun]
     elapsed = (begins - navigator.estimated_at)[:, None] + durations[:, None] * NODES
     duration = until - navigator.estimated_at
     decay = np.exp(-navigator.model.decay_rates * duration)

@@ -121,8 +121,7 @@ class FilterTable(Table):
         Literal["ekf", "iterated", "left-invariant", "right-invariant", "ukf"],
         Field(
             description="Kind of the filter: ekf, the error-state filter; iterated, re-linearized at the updated "
-            "state; left-invariant and right-invariant, with errors of the group SE2(3); ukf, of sigma points. The "
-            "reference engine simulates ukf, some 400 times slower."
+            "state; left-invariant and right-invariant, with errors of the group SE2(3); ukf, of sigma points."
         ),
     ] = "ekf"
     smoother: Annotated[
