@@ -222,10 +222,9 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     names, *readings = imu.read_text().splitlines()
     turned = ([*row[:5], row[6], str(-float(row[5])), *row[7:]] for row in (each.split(",") for each in readings))
     upward.write_text("\n".join([names, *(",".join(row) for row in turned)]))
-    at_start = "--start", folder / "start.csv"
-    assert "begins along -y, for" in refused(
-        "judge", campaign, "--imu", upward, "--measurements", f"gnss={gnss}", *at_start
-    )
+    turned_up = ("judge", campaign, "--imu", upward, "--measurements", f"gnss={gnss}")
+    for at_start in (("--start", folder / "start.csv"), ()):  # without it the attitude is the trajectory's
+        assert "begins along -y, for" in refused(*turned_up, *at_start)
     unaided = tmp_path / "unaided.toml"
     unaided.write_text(SHORT[: SHORT.index("[[aiding]]")])
     assert "there is no filter to be judged" in refused("judge", unaided, "--record")

@@ -168,6 +168,20 @@ def test_a_size_at_the_end_of_its_search_is_no_verdict() -> None:
     assert not noise.stands
 
 
+@pytest.mark.parametrize(
+    ("seed", "flown", "expected"),
+    [(105, Flown(late=0.05, position=3.0), "gnss_delay"), (118, Flown(position=1.5), "gnss_position_noise")],
+)
+def test_a_certain_delay_comes_before_a_likelier_size(seed: int, flown: Flown, expected: str) -> None:
+    """The noise of a receiver that is late, too, was named first. In the other record a false delay stands."""
+    naming = Naming(filtered(recording_of(fly(seed, flown))))
+    likeliest, named = naming.candidates[0], naming.foremost()
+    assert likeliest.name == "gnss_position_noise"
+    assert next(candidate for candidate in naming.candidates if candidate.name == "gnss_delay").stands
+    assert named is not None
+    assert named.candidate.name == expected
+
+
 def test_a_process_beyond_the_factors_is_looked_for_further() -> None:
     """The likeliest size of an instability lies between the largest two factors, and is likelier at the larger one.
 
