@@ -175,7 +175,7 @@ class Row:
     shown : bool
         Whether the wrong thing stands: its likelihood passes the tests without which nothing is named.
     left : float
-        Probability of a record as unusual once the first verdict is pasted.
+        Probability of a record as unusual once the first verdict is pasted; NaN where it was not judged again.
     stated, excluded : str
         Numbers of which an interval is stated beside the first verdict, and those whose interval excludes the truth.
     """
@@ -333,6 +333,7 @@ def count(rows: Sequence[Row]) -> Tally:
             add("power", row, "the same where the record shows it", row.right)
         if row.right:
             add("coverage", row, "interval of what is wrong", row.holds)
+        if row.right and not np.isnan(row.left):
             add("power", row, "nothing left once it is pasted", row.left > LEVEL)
     return result
 
@@ -356,10 +357,11 @@ def rate_lines(rows: Sequence[Row]) -> list[str]:
             continue
         right = [row for row in own if row.right]
         first = sum(row.named == WRONG[wrong][1] for row in own)
-        held, quiet = sum(row.holds for row in right), sum(row.left > LEVEL for row in right)
+        held, again = sum(row.holds for row in right), [row.left for row in right if not np.isnan(row.left)]
         named, shown = len(right), sum(row.shown for row in own)
-        counts = f"{alarms} | {first} | {named} | {named} of {shown} | {held} of {named} | {quiet} of {named}"
-        lines.append(f"| {wrong} | {len(own)} | {counts} |")
+        counts = f"{alarms} | {first} | {named} | {named} of {shown} | {held} of {named}"
+        quiet = f"{sum(left > LEVEL for left in again)} of {len(again)}"
+        lines.append(f"| {wrong} | {len(own)} | {counts} | {quiet} |")
     return lines
 
 
