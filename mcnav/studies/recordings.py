@@ -142,10 +142,10 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
         level = level if start.attitude is None else tuple(start.attitude[0, :2])
     else:
         notes.append("navigation starts where the campaign's trajectory does; --start FILE gives another state")
-    log = replace(log, time=log.time[kept], gyro=log.gyro[kept], accelerometer=log.accelerometer[kept])
-    if wrong := remark_on_axes(log, *level):
+    gyro, force = log.gyro[kept], log.accelerometer[kept]
+    if wrong := remark_on_axes(replace(log, time=log.time[kept], gyro=gyro, accelerometer=force), *level):
         raise LogError(files.imu, wrong)
-    return Recording(ends, log.gyro, log.accelerometer, measurements, start, reference), tuple(notes)
+    return Recording(ends, gyro, force, measurements, start, reference), tuple(notes)
 
 
 def _recorded_track(track: Track, zero: float) -> RecordedTrack:
