@@ -237,6 +237,10 @@ class RecordingScenario(Scenario, Protocol):
     def logs(self) -> Mapping[str, MeasurementFile]:
         """Files of the recorded sensors, by name."""
 
+    @property
+    def start_level(self) -> tuple[float, float]:
+        """Roll and pitch where navigation starts, rad."""
+
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
         """Take the filter through a recorded flight, whose errors have a mean and a covariance; or `RecordingError`."""
 

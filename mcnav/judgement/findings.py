@@ -78,6 +78,8 @@ class OffsetVerdict:
     ----------
     beside_arm : tuple of float, optional
         Of a delay, the estimate and its sigma with the lever arm free as well.
+    at_start : float
+        Of a clock rate, the delay at the start of the record that is estimated with it, s.
     too_long : bool
         Of a delay, whether a campaign with it is at odds with the record: innovations are not linear in it. The record
         with its stamps moved back is not at odds.
@@ -94,6 +96,7 @@ class OffsetVerdict:
     gain: float
     noticed: tuple[float, ...]
     beside_arm: tuple[float, float] | None = None
+    at_start: float = 0.0
     too_long: bool = False
 
     @property
@@ -276,12 +279,13 @@ def _estimated(
     start, rate = changes.delays.get(candidate.sensor, (0.0, 0.0))
     moved_by = rate if candidate.name.endswith(CLOCK) else start
     values, sigmas, beside_arm = _beside_arm(changes.naming, candidate, moved_by)
-    estimates, errors = moved_by + values[:count], sigmas[:count]
+    estimates, errors, at_start = moved_by + values[:count], sigmas[:count], 0.0
     if candidate.name.endswith(CLOCK):  # from a share of the stamps to one of the time of the readings
-        estimates, errors = estimates / (1.0 - estimates), errors / (1.0 - estimates) ** 2
+        errors, estimates = errors / (1.0 - estimates) ** 2, estimates / (1.0 - estimates)
+        at_start = start + float(np.sum(values[count:]))
     offset = replace(
         offset, estimate=tuple(estimates.tolist()), sigma=tuple(errors.tolist()), gain=candidate.gain,
-        beside_arm=beside_arm,
+        beside_arm=beside_arm, at_start=at_start,
     )  # fmt: skip
     if len(values) > count:
         changes = changes.with_error(candidate.sensor + DELAY, values[count:])

@@ -89,6 +89,11 @@ class Candidate:
         limit = _limit(self.freedom)
         return not self.at_end and self.gain + self.freedom > limit and self.lasting > limit
 
+    @property
+    def certain(self) -> bool:
+        """Return whether it would stand if it were twenty times less likely."""
+        return self.stands and self.lasting > _limit(self.freedom) + TOLD_APART
+
 
 @dataclass(frozen=True)
 class Named:
@@ -110,12 +115,21 @@ class Naming:
         return tuple(sorted([*self._constants(), *self._sizes()], key=lambda candidate: -candidate.gain))
 
     def foremost(self) -> Named | None:
-        """Return what is named; none where no candidate stands, or the largest gain is at the end of its search."""
+        """Return what is named, a certain constant error before a likelier size; none where no candidate stands.
+
+        Both are wrong then: the constant error gains with each size free, and the size with all constant errors free.
+        """
         standing = [candidate for candidate in self.candidates if candidate.stands]
         if not standing:
             return None
         first = standing[0]
-        rivals = tuple(candidate for candidate in standing[1:] if first.gain - candidate.gain < TOLD_APART)
+        certain = [candidate for candidate in standing if candidate.offset is not None and candidate.certain]
+        if first.offset is None and certain and first.gain - certain[0].gain >= TOLD_APART:
+            first = certain[0]
+        rivals = tuple(
+            candidate for candidate in standing
+            if candidate is not first and abs(first.gain - candidate.gain) < TOLD_APART
+        )  # fmt: skip
         return Named(first, rivals)
 
     def _constants(self) -> Iterator[Candidate]:

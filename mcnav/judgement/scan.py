@@ -32,6 +32,9 @@ PRESENT: Final = np.geomspace(1.0 / 30.0, 30.0, 9)
 ABSENT: Final = np.geomspace(0.1, 30.0, 8)
 """Factors of the size from which one is looked for that the campaign does not have."""
 
+BEYOND: Final = np.geomspace(30.0, 300.0, 4)[1:]
+"""Factors that are tried besides where the largest of these is the likeliest."""
+
 REFINEMENTS: Final = 6
 """Times, at most, that the grid is refined about its highest value, and about the ends of an interval."""
 
@@ -110,6 +113,8 @@ class Scan:
         """Compute profiles, each once: a grid of factors, refined about its highest value."""
         new = [number for number in numbers if number not in self._known]
         result = self._profiles({n: ABSENT if self.record.causes[n].absent else PRESENT for n in new})
+        larger = [n for n in new if self.record.causes[n].absent and result[n].highest(self.always)[0] == ABSENT[-1]]
+        result = self._refined(result, dict.fromkeys(larger, BEYOND))
         for _ in range(REFINEMENTS):
             result = self._refined(result, {number: profile.between(self.always) for number, profile in result.items()})
         self._known.update(result)

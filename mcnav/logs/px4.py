@@ -100,12 +100,10 @@ def _load(path: Path, topics: list[str] | None) -> Any:
 
 
 def _topics(path: Path) -> str:
-    """List all topics of a log."""
-    names = [
-        dataset.name if not dataset.multi_id else f"{dataset.name}.{dataset.multi_id}"
-        for dataset in _load(path, None).data_list
-    ]
-    return listed(sorted(names)) or "no topic"
+    """List the topics of a log, those with readings and positions first."""
+    keys = [(dataset.name, dataset.multi_id) for dataset in _load(path, None).data_list]
+    keys.sort(key=lambda key: (key[0] not in (*INERTIAL, *POSITIONS), key))
+    return listed([name if not instance else f"{name}.{instance}" for name, instance in keys]) or "no topic"
 
 
 def _dropouts(log: Any) -> tuple[str, ...]:

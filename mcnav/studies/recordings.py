@@ -136,13 +136,16 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
         reference = _recorded_track(track, zero)
         _check_overlap(files.reference, reference.times, ends, files.imu)
         notes += [f"{files.reference.name}: {note}" for note in track.notes]
+    level = scenario.start_level
     if files.start is not None:
         start = _start(files.start, zero)
-        if start.attitude is not None and (wrong := remark_on_axes(log, *start.attitude[0, :2])):
-            raise LogError(files.imu, wrong)
+        level = level if start.attitude is None else tuple(start.attitude[0, :2])
     else:
         notes.append("navigation starts where the campaign's trajectory does; --start FILE gives another state")
-    return Recording(ends, log.gyro[kept], log.accelerometer[kept], measurements, start, reference), tuple(notes)
+    gyro, force = log.gyro[kept], log.accelerometer[kept]
+    if wrong := remark_on_axes(replace(log, time=log.time[kept], gyro=gyro, accelerometer=force), *level):
+        raise LogError(files.imu, wrong)
+    return Recording(ends, gyro, force, measurements, start, reference), tuple(notes)
 
 
 def _recorded_track(track: Track, zero: float) -> RecordedTrack:

@@ -36,7 +36,7 @@ from mcnav.contract.scenario import can_be_recorded
 from mcnav.execution.threads import one_thread
 from mcnav.judgement.assessment import LEVEL, Assessment, assess
 from mcnav.judgement.findings import CauseVerdict, Changes, Finding, OffsetVerdict, find_first
-from mcnav.judgement.naming import CLOCK
+from mcnav.judgement.naming import CLOCK, Naming
 from mcnav.judgement.numbers import list_numbers, with_intervals
 from mcnav.judgement.plain_files import find_fault
 from mcnav.judgement.reduction import present, with_causes
@@ -150,7 +150,8 @@ def afterwards(recording: Recording, finding: Finding) -> float:
     if finding.number.name.endswith(CLOCK):
         assert isinstance(finding.number, OffsetVerdict)
         fast = finding.number.estimate[0]
-        recording = moved_back(recording, {finding.number.name.removesuffix(CLOCK): (0.0, fast / (1.0 + fast))})
+        moves = {finding.number.name.removesuffix(CLOCK): (finding.number.at_start, fast / (1.0 + fast))}
+        recording = moved_back(recording, moves)
     record = filtered(recording, campaign=pasted(finding))
     of_campaign = with_causes(record, present(record))
     result = assess(of_campaign, recorded(of_campaign), AFTERWARDS, 1, 0)
@@ -171,8 +172,10 @@ class Row:
         The first verdict, and what is not told apart from it, with blanks between.
     right, holds : bool
         Whether the wrong thing is among them, and whether an interval of theirs holds the true value.
+    shown : bool
+        Whether the wrong thing stands: its likelihood passes the tests without which nothing is named.
     left : float
-        Probability of a record as unusual once the first verdict is pasted.
+        Probability of a record as unusual once the first verdict is pasted; NaN where it was not judged again.
     stated, excluded : str
         Numbers of which an interval is stated beside the first verdict, and those whose interval excludes the truth.
     """
@@ -184,6 +187,7 @@ class Row:
     named: str = ""
     rivals: str = ""
     right: bool = False
+    shown: bool = False
     holds: bool = False
     left: float = np.nan
     stated: str = ""
@@ -213,13 +217,23 @@ def trial(wrong: str, seed: int) -> Row:
     excluded = [number.name for number in others if not holds(number, flown)]
     fault = fault_named(recording, "")
     if finding is None:
-        return Row(wrong, seed, fault, probability, stated=" ".join(names), excluded=" ".join(excluded))
+        shown = wrong != NOTHING and stands(record, expected)
+        return Row(
+            wrong, seed, fault, probability, shown=shown, stated=" ".join(names), excluded=" ".join(excluded)
+        )  # fmt: skip
     first, *rivals = (number.name for number in finding.alternatives)
+    right = expected in (first, *rivals)
+    shown = right or (wrong != NOTHING and stands(record, expected))
     return Row(
-        wrong, seed, fault, probability, first, " ".join(rivals), expected in (first, *rivals),
+        wrong, seed, fault, probability, first, " ".join(rivals), right, shown,
         any(holds(number, flown) for number in finding.alternatives), afterwards(recording, finding),
         " ".join(number.name for number in others), " ".join(excluded),
     )  # fmt: skip
+
+
+def stands(record: FilteredRecord, name: str) -> bool:
+    """Return whether a record shows something: what is named always stands, and what stands may be less likely."""
+    return next(candidate.stands for candidate in Naming(record).candidates if candidate.name == name)
 
 
 def holds(number: CauseVerdict | OffsetVerdict, flown: Flown) -> bool:
@@ -283,8 +297,8 @@ def read_rows(path: Path) -> list[Row]:
         return [
             Row(
                 row["wrong"], int(row["seed"]), row["fault"] == "True", float(row["probability"]), row["named"],
-                row["rivals"], row["right"] == "True", row["holds"] == "True", float(row["left"]), row["stated"],
-                row["excluded"],
+                row["rivals"], row["right"] == "True", row["shown"] == "True", row["holds"] == "True",
+                float(row["left"]), row["stated"], row["excluded"],
             )
             for row in csv.DictReader(file)
         ]  # fmt: skip
@@ -315,8 +329,11 @@ def count(rows: Sequence[Row]) -> Tally:
             continue
         add("power", row, "alarm", row.probability <= LEVEL)
         add("power", row, "named first, or with what is not told apart", row.right)
+        if row.shown:
+            add("power", row, "the same where the record shows it", row.right)
         if row.right:
             add("coverage", row, "interval of what is wrong", row.holds)
+        if row.right and not np.isnan(row.left):
             add("power", row, "nothing left once it is pasted", row.left > LEVEL)
     return result
 
@@ -324,24 +341,27 @@ def count(rows: Sequence[Row]) -> Tally:
 def rate_lines(rows: Sequence[Row]) -> list[str]:
     """Return a table: how often each wrong thing is named, its interval holds, and pasting it leaves nothing."""
     lines = [
-        "| wrong | records | alarms | named first | or with others | interval holds | pasted: nothing left |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| wrong | records | alarms | named first | or with others | where it shows | interval holds "
+        "| pasted: nothing left |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for wrong in (*FILE_FAULTS, *WRONG):
         own = [row for row in rows if row.wrong == wrong]
         if wrong in FILE_FAULTS:
             named = sum(row.fault for row in own)
-            lines.append(f"| {wrong} | {len(own)} | | {named} | {named} | | |")
+            lines.append(f"| {wrong} | {len(own)} | | {named} | {named} | | | |")
             continue
         alarms = sum(row.probability <= LEVEL for row in own)
         if wrong == NOTHING:
-            lines.append(f"| {wrong} | {len(own)} | {alarms} | | | | |")
+            lines.append(f"| {wrong} | {len(own)} | {alarms} | | | | | |")
             continue
         right = [row for row in own if row.right]
         first = sum(row.named == WRONG[wrong][1] for row in own)
-        held, quiet = sum(row.holds for row in right), sum(row.left > LEVEL for row in right)
-        counts = f"{alarms} | {first} | {len(right)} | {held} of {len(right)} | {quiet} of {len(right)}"
-        lines.append(f"| {wrong} | {len(own)} | {counts} |")
+        held, again = sum(row.holds for row in right), [row.left for row in right if not np.isnan(row.left)]
+        named, shown = len(right), sum(row.shown for row in own)
+        counts = f"{alarms} | {first} | {named} | {named} of {shown} | {held} of {named}"
+        quiet = f"{sum(left > LEVEL for left in again)} of {len(again)}"
+        lines.append(f"| {wrong} | {len(own)} | {counts} | {quiet} |")
     return lines
 
 

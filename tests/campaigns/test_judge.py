@@ -161,9 +161,10 @@ def test_what_is_to_be_pasted_is_one_document_with_each_table_once() -> None:
     assert offset_words(scales).endswith("does not have: x 300 ± 20, z −400 ± 20 ppm")
     alone: Any = SimpleNamespace(findings=[Finding(scales, (), 0.5)], explained=True)
     assert tomllib.loads(to_paste(alone))["imu"]["gyro"]["scale_factor"] == "353.6 ppm"
-    clock = OffsetVerdict("gnss_clock_rate", "", ("",), "1", "ppm", (-2e-4,), (5e-5,), None, 9.0, ())
+    clock = OffsetVerdict("gnss_clock_rate", "", ("",), "1", "ppm", (-2e-4,), (5e-5,), None, 9.0, (), at_start=0.0114)
     assert offset_words(clock) == (
-        "the gnss clock runs 200 ± 98 ppm slow against the readings: multiply the times between its stamps by 1.000200"
+        "the gnss clock runs 200 ± 98 ppm slow against the readings: multiply its stamps, counted from the first "
+        "reading, by 1.00020004 and subtract 11.40 ms"
     )
     found.findings.append(Finding(clock, (), 0.5))
     assert to_paste(found) == ""  # the stamps have to be corrected first
@@ -221,10 +222,9 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     names, *readings = imu.read_text().splitlines()
     turned = ([*row[:5], row[6], str(-float(row[5])), *row[7:]] for row in (each.split(",") for each in readings))
     upward.write_text("\n".join([names, *(",".join(row) for row in turned)]))
-    at_start = "--start", folder / "start.csv"
-    assert "begins along -y, for" in refused(
-        "judge", campaign, "--imu", upward, "--measurements", f"gnss={gnss}", *at_start
-    )
+    turned_up = ("judge", campaign, "--imu", upward, "--measurements", f"gnss={gnss}")
+    for at_start in (("--start", folder / "start.csv"), ()):  # without it the attitude is the trajectory's
+        assert "begins along -y, for" in refused(*turned_up, *at_start)
     unaided = tmp_path / "unaided.toml"
     unaided.write_text(SHORT[: SHORT.index("[[aiding]]")])
     assert "there is no filter to be judged" in refused("judge", unaided, "--record")

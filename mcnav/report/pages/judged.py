@@ -158,9 +158,10 @@ def _clock_words(number_: OffsetVerdict, scale: float) -> str:
     rate, error = number_.estimate[0], 1.959964 * number_.sigma[0]
     sensor, side = humanize(number_.name.removesuffix(CLOCK)), "fast" if rate > 0.0 else "slow"
     size = f"{number(abs(rate) * scale, 3)} ± {number(error * scale, 2)} {number_.shown_in}"
+    moved = f"{'subtract' if number_.at_start >= 0.0 else 'add'} {number(1e3 * abs(number_.at_start), 4)} ms"
     return (
-        f"the {sensor} clock runs {size} {side} against the readings: multiply the times between its stamps by "
-        f"{1.0 / (1.0 + rate):.6f}"
+        f"the {sensor} clock runs {size} {side} against the readings: multiply its stamps, counted from the first "
+        f"reading, by {1.0 / (1.0 + rate):.8f} and {moved}"
     )
 
 

@@ -562,6 +562,12 @@ class Ins(PlainScenario):
         """Files of the recorded sensors, by name."""
         return {sensor.name: sensor.log for sensor in self.navigation.sensors if sensor.log is not None}
 
+    @property
+    def start_level(self) -> tuple[float, float]:
+        """Roll and pitch where navigation starts, rad."""
+        ((_, pitch, roll),) = self.navigation.truth.angles(np.array([self.navigation.start])).tolist()
+        return roll, pitch
+
     def filter_recording(self, recording: Recording, mean: Array, covariance: Array) -> FilteredRecord:
         """Take the filter through a recorded flight; mean and covariance are those of the true sources."""
         from mcnav.systems.ins.recorded.navigation import (

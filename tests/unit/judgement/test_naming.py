@@ -12,10 +12,10 @@ from mcnav.judgement.likelihood import log_likelihood, without_corrections, with
 from mcnav.judgement.naming import Naming
 from mcnav.judgement.profile import DROP
 from mcnav.judgement.reduction import present, with_causes, with_size, without_idle
-from mcnav.judgement.scan import Scan
+from mcnav.judgement.scan import ABSENT, Scan
 from mcnav.judgement.simulation import recorded, simulate
 from mcnav.judgement.verdict import judge
-from mcnav.report.pages.judged import to_paste, verdict
+from mcnav.report.pages.judged import offset_words, to_paste, verdict
 from tests.calibration.named_trials import afterwards, filtered, holds, recording_of
 from tests.calibration.own_records import WRONG, Flown, fly, motion
 from tests.recorded_flights import scalar_record
@@ -38,6 +38,25 @@ def test_the_wrong_thing_is_named_and_pasted_nothing_is_left(name: str) -> None:
     assert expected in {number.name for number in finding.alternatives}
     assert any(holds(number, flown) for number in finding.alternatives)
     assert afterwards(recording, finding) > LEVEL
+
+
+def test_the_stamps_of_a_clock_are_corrected_by_the_delay_at_the_start_as_well() -> None:
+    """The receiver is 0.11 s late, and by chance the record has a growing delay as well, of twice its sigma.
+
+    The rate alone, which was printed, leaves the delay: none of the simulated records is as unusual.
+    """
+    recording = recording_of(fly(275, WRONG["0.11 s late"][0]))
+    first = find_first(filtered(recording), lambda delays: filtered(recording, delays))
+    assert first is not None
+    finding, _ = first
+    assert isinstance(finding.number, OffsetVerdict)
+    assert finding.number.name == "gnss_clock_rate"
+    factor, moved = offset_words(finding.number).split("reading, by ")[1].split(" and subtract ")
+    delays = {"gnss": (float(moved.removesuffix(" ms")) / 1e3, 1.0 - float(factor))}
+    record = filtered(recording, delays)
+    assert judge(record, 300, 50).probability > LEVEL
+    without = filtered(recording, {"gnss": (0.0, 1.0 - float(factor))})
+    assert judge(without, 300, 50).probability < LEVEL
 
 
 @pytest.mark.parametrize(("late", "too_long"), [(0.11, False), (0.4, True)])
@@ -147,6 +166,31 @@ def test_a_size_at_the_end_of_its_search_is_no_verdict() -> None:
     noise = next(each for each in naming.candidates if each.name == "noise")
     assert noise.at_end
     assert not noise.stands
+
+
+@pytest.mark.parametrize(
+    ("seed", "flown", "expected"),
+    [(105, Flown(late=0.05, position=3.0), "gnss_delay"), (118, Flown(position=1.5), "gnss_position_noise")],
+)
+def test_a_certain_delay_comes_before_a_likelier_size(seed: int, flown: Flown, expected: str) -> None:
+    """The noise of a receiver that is late, too, was named first. In the other record a false delay stands."""
+    naming = Naming(filtered(recording_of(fly(seed, flown))))
+    likeliest, named = naming.candidates[0], naming.foremost()
+    assert likeliest.name == "gnss_position_noise"
+    assert next(candidate for candidate in naming.candidates if candidate.name == "gnss_delay").stands
+    assert named is not None
+    assert named.candidate.name == expected
+
+
+def test_a_process_beyond_the_factors_is_looked_for_further() -> None:
+    """The likeliest size of an instability lies between the largest two factors, and is likelier at the larger one.
+
+    This one was the end of the search and not named; the angle random walk was, alone.
+    """
+    first, *_ = Naming(filtered(recording_of(fly(308, WRONG["bias instability of 30 deg/h"][0])))).candidates
+    assert first.name == "gyro_bias_instability"
+    assert ABSENT[-2] < first.factor < ABSENT[-1]
+    assert first.stands
 
 
 def test_causes_that_a_campaign_lacks_leave_no_trace_in_what_it_has(right: FilteredRecord) -> None:

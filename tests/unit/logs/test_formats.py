@@ -270,7 +270,7 @@ def test_px4_logs_hold_inertial_sensors_positions_and_attitude(tmp_path: Path) -
 
 def test_a_topic_that_is_not_there_is_refused_with_those_that_are(tmp_path: Path) -> None:
     path = px4_log(tmp_path / "flight.ulg")
-    told = "sensor_combined, vehicle_attitude, vehicle_global_position, vehicle_gps_position"
+    told = "sensor_combined, vehicle_global_position, vehicle_gps_position, vehicle_attitude"
     assert f"has no topic 'sensor_baro'; it has {told}" in refused(path, read_imu_log, columns={"topic": "sensor_baro"})
     assert f'has several topics; name one: columns = {{ topic = "…" }}, of {told}' in refused(path, read_table)
     path.write_bytes(path.read_bytes()[:12])

@@ -136,7 +136,8 @@ def _read(path: Path, table: FileTable, sha256: str | None) -> Track:
         raise TrajectoryError(f"cannot be read: {failure.strerror or failure}") from None
     except CampaignError as wrong:
         problem = wrong.problems[0]
-        raise TrajectoryError(": ".join(filter(None, (problem.key, problem.message)))) from None
+        key = "topic" if problem.key == "columns.topic" else problem.key  # a key of the trajectory's table
+        raise TrajectoryError(": ".join(filter(None, (key, problem.message)))) from None
     return track
 
 
