@@ -177,7 +177,10 @@ class AidedNavigation:
         There are two readings where an update falls on a time.
         """
         updates, loop, readings, after = self._readings(times)
-        return updates, propagate_closed_loop(loop, readings, after, not self.together)
+        errors = keep_of(
+            self, "linear", times, lambda: vars(propagate_closed_loop(loop, readings, after, not self.together))
+        )
+        return updates, ClosedLoopErrors(**errors)
 
     def smoothed(
         self, times: Array | None = None
