@@ -398,7 +398,8 @@ def _crossing_of_a_power(first: Place, *others: Place) -> float:
         return math.nan
 
     def ratio(power: float) -> float:
-        return (far**power - x**power) / (near**power - x**power)
+        quotient: float = (far**power - x**power) / (near**power - x**power)
+        return quotient
 
     try:
         power = smallest_reaching(ratio, (at_far - at) / (at_near - at), *POWERS)
