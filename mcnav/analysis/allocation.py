@@ -214,7 +214,9 @@ def worst_of(requirements: Sequence[LinearRequirement], goal: Sequence[int]) -> 
     return min((requirements[number] for number in goal), key=lambda each: (not math.isnan(each.margin), each.margin))
 
 
-def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> float:
+def critical_multiple(
+    margin: Callable[[float], float], least: float = 0.0, rounded: Callable[[float], float] | None = None
+) -> float:
     """Find the multiple of an error at which a margin becomes one.
 
     The square of a size over its limit, ``1 / margin^2``, is linear in the square of the multiple where errors add up;
@@ -227,6 +229,8 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
         Margin of a goal at a multiple; at least one where it is met. NaN beyond multiples that can be computed.
     least : float
         Smallest multiple to be looked at.
+    rounded : callable, optional
+        Rounds a multiple down to one that can be proposed: the search ends with the last one below the root.
 
     Returns
     -------
@@ -250,7 +254,7 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
     if at_one <= 0.0:
         met, beyond = _first_beyond(excess, at_one)
         if beyond is not None:
-            return _root(excess, met, beyond)
+            return _root(excess, met, beyond, rounded)
         return math.inf if met[0] == MOST else met[0]
     at_least = excess(least)
     return _root(excess, (least, at_least), (1.0, at_one)) if at_least <= 0.0 else math.nan
@@ -361,10 +365,13 @@ def _first_beyond(
     return met, None
 
 
-def _root(excess: Callable[[float], float], met: tuple[float, float], unmet: tuple[float, float]) -> float:
+def _root(
+    excess: Callable[[float], float], met: Place, unmet: Place, rounded: Callable[[float], float] | None = None
+) -> float:
     """Close in on a root between a multiple at which a goal is met and a larger one at which it is not."""
     (low, at_low), (high, at_high) = met, unmet
     weight_low, weight_high, side, known = at_low, at_high, 0, [met, unmet]
+    proposed = math.nan
     for _ in range(MOST_TRIALS):
         if high - low <= PRECISION * high or -PRECISION <= at_low <= 0.0:
             break
@@ -372,8 +379,14 @@ def _root(excess: Callable[[float], float], met: tuple[float, float], unmet: tup
         multiple = math.sqrt(max(square, 0.0))
         if len(known) > 2 and low < (crossing := _crossing_of_a_power(met, *known[-2:])) < high:
             multiple = crossing
+            if rounded is not None:
+                proposed = rounded(crossing)
+                if proposed == low:
+                    break
+                multiple = proposed if low < proposed else crossing
         edge = 0.1 * PRECISION * (multiple or high)
-        multiple = min(max(multiple - edge, low + edge), high - edge)  # a hair on the side where the goal is met
+        if rounded is None or multiple != proposed:
+            multiple = min(max(multiple - edge, low + edge), high - edge)  # a hair on the side where the goal is met
         root = excess(multiple)
         known.append((multiple, root))
         if root <= 0.0:
