@@ -100,7 +100,7 @@ def test_the_largest_number_that_can_be_proposed_takes_few_answers(power: float,
     asked = []
 
     def size(multiple: float) -> float:
-        return 0.6 * (1.0 - share + share * (0.7 * multiple**power + 0.3 * multiple ** (0.6 * power)))
+        return 0.6 * (1.0 - share + share * (0.7 * math.pow(multiple, power) + 0.3 * math.pow(multiple, 0.6 * power)))
 
     def margin(multiple: float) -> float:
         asked.append(multiple)
