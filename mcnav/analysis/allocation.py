@@ -11,15 +11,19 @@ from mcnav.analysis.linear_answer import LinearAnswer, LinearRequirement
 from mcnav.analysis.requirements import Finding
 from mcnav.analysis.simulated_requirements import Basis
 from mcnav.analysis.summary import RequirementEntry
-from mcnav.statistics.bisection import root_between
+from mcnav.errors import NumericalError
+from mcnav.statistics.bisection import Place, root_between, smallest_reaching
 
 MOST: Final = 1_000.0
 """Largest multiple of a number that is looked at."""
 
-STRIDE: Final = 4.0
+STRIDE: Final = 10.0
 """Ratio of successive multiples in the search for one at which a goal is not met."""
 
-LADDER: Final = (*(STRIDE**power for power in range(-4, 5)), MOST)
+POWERS: Final = (0.05, 4.0)
+"""Powers of a multiple with which errors may grow: 2 where they add up, less where a filter's gains change."""
+
+LADDER: Final = (*(4.0**power for power in range(-4, 5)), MOST)
 """Multiples, besides the least, that are looked at where none below one is known to meet a goal."""
 
 NARROW: Final = 0.02
@@ -210,11 +214,14 @@ def worst_of(requirements: Sequence[LinearRequirement], goal: Sequence[int]) -> 
     return min((requirements[number] for number in goal), key=lambda each: (not math.isnan(each.margin), each.margin))
 
 
-def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> float:
+def critical_multiple(
+    margin: Callable[[float], float], least: float = 0.0, rounded: Callable[[float], float] | None = None
+) -> float:
     """Find the multiple of an error at which a margin becomes one.
 
     The square of a size over its limit, ``1 / margin^2``, is linear in the square of the multiple where errors add up;
-    regula falsi (Illinois) in these is then exact at once, and converges where a filter's gains change, too.
+    regula falsi (Illinois) in these is then exact at once. Where a filter's gains change it grows as another power,
+    which three multiples give.
 
     Parameters
     ----------
@@ -222,6 +229,8 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
         Margin of a goal at a multiple; at least one where it is met. NaN beyond multiples that can be computed.
     least : float
         Smallest multiple to be looked at.
+    rounded : callable, optional
+        Rounds a multiple down to one that can be proposed: the search ends with the last one below the root.
 
     Returns
     -------
@@ -233,7 +242,7 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
     --------
     >>> round(critical_multiple(lambda multiple: 2.0 / multiple), 3)
     2.0
-    >>> 99.0 < critical_multiple(lambda multiple: 9e9 if multiple < 100.0 else math.nan) < 100.0
+    >>> 98.0 < critical_multiple(lambda multiple: 9e9 if multiple < 100.0 else math.nan) < 100.0
     True
     """
 
@@ -245,7 +254,7 @@ def critical_multiple(margin: Callable[[float], float], least: float = 0.0) -> f
     if at_one <= 0.0:
         met, beyond = _first_beyond(excess, at_one)
         if beyond is not None:
-            return _root(excess, met, beyond)
+            return _root(excess, met, beyond, rounded)
         return math.inf if met[0] == MOST else met[0]
     at_least = excess(least)
     return _root(excess, (least, at_least), (1.0, at_one)) if at_least <= 0.0 else math.nan
@@ -356,18 +365,30 @@ def _first_beyond(
     return met, None
 
 
-def _root(excess: Callable[[float], float], met: tuple[float, float], unmet: tuple[float, float]) -> float:
+def _root(
+    excess: Callable[[float], float], met: Place, unmet: Place, rounded: Callable[[float], float] | None = None
+) -> float:
     """Close in on a root between a multiple at which a goal is met and a larger one at which it is not."""
     (low, at_low), (high, at_high) = met, unmet
-    weight_low, weight_high, side = at_low, at_high, 0
+    weight_low, weight_high, side, known = at_low, at_high, 0, [met, unmet]
+    proposed = math.nan
     for _ in range(MOST_TRIALS):
         if high - low <= PRECISION * high or -PRECISION <= at_low <= 0.0:
             break
         square = high**2 - weight_high * (high**2 - low**2) / (weight_high - weight_low)
         multiple = math.sqrt(max(square, 0.0))
-        edge = 0.1 * PRECISION * high
-        multiple = min(max(multiple - edge, low + edge), high - edge)  # a hair on the side where the goal is met
+        if len(known) > 2 and low < (crossing := _crossing_of_a_power(met, *known[-2:])) < high:
+            multiple = crossing
+            if rounded is not None:
+                proposed = rounded(crossing)
+                if proposed == low:
+                    break
+                multiple = proposed if low < proposed else crossing
+        edge = 0.1 * PRECISION * (multiple or high)
+        if rounded is None or multiple != proposed:
+            multiple = min(max(multiple - edge, low + edge), high - edge)  # a hair on the side where the goal is met
         root = excess(multiple)
+        known.append((multiple, root))
         if root <= 0.0:
             low, at_low, weight_low = multiple, root, root
             weight_high = 0.5 * weight_high if side < 0 else at_high
@@ -377,3 +398,26 @@ def _root(excess: Callable[[float], float], met: tuple[float, float], unmet: tup
             weight_low = 0.5 * weight_low if side > 0 else at_low
             side = 1
     return low
+
+
+def _crossing_of_a_power(first: Place, *others: Place) -> float:
+    """Find where ``y = a + b x^p`` through three points is zero; NaN where there is no such power within `POWERS`.
+
+    >>> _crossing_of_a_power((1.0, -1.5), (3.0, 3.0**1.5 - 2.5), (2.0, 2.0**1.5 - 2.5)) - 2.5 ** (2 / 3) < 1e-12
+    True
+    """
+    (x, at), (near, at_near), (far, at_far) = first, *sorted(others)
+    if not x < near < far or not at < at_near < at_far:
+        return math.nan
+
+    def ratio(power: float) -> float:
+        quotient: float = (far**power - x**power) / (near**power - x**power)
+        return quotient
+
+    try:
+        power = smallest_reaching(ratio, (at_far - at) / (at_near - at), *POWERS)
+    except NumericalError:
+        return math.nan
+    growth = (at_near - at) / (near**power - x**power)
+    crossing: float = max(x**power - at / growth, 0.0) ** (1.0 / power)
+    return crossing

@@ -38,10 +38,16 @@ def transformed_variances(matrix: Array, covariance: Array) -> Array:
     return np.asarray(np.sum((matrix @ covariance) * matrix, axis=-1))
 
 
-def step(covariance: Array, transition: Array, noise: Array) -> Array:
-    """Compute the covariance after a step, ``F P F' + Q``; what rounding leaves asymmetric, an update makes even."""
+def step(covariance: Array, transition: Array, noise: Array, rows: slice = slice(None)) -> Array:
+    """Compute the covariance after a step, ``F P F' + Q``; what rounding leaves asymmetric, an update makes even.
+
+    Parameters
+    ----------
+    rows : slice
+        Rows and columns of Q that are given; the others are zero.
+    """
     product = transition @ covariance @ transition.swapaxes(-1, -2)
-    product += noise
+    product[..., rows, rows] += noise
     return np.asarray(product)
 
 

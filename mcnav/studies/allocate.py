@@ -182,14 +182,15 @@ def _search_grades(variations: Variations, goal: tuple[int, ...], finer: bool) -
         )
         return GradeChange(named, variations.worst(judged, goal))
 
-    def best(grade_changes: Sequence[Sequence[Move]]) -> tuple[GradeChange, ...]:
-        changes = variations.in_lockstep([partial(moved, grade_change) for grade_change in grade_changes])
-        known = [change for change in changes if change is not None]
+    def best(changes: Sequence[Sequence[Move]]) -> tuple[GradeChange, ...]:
+        known = [change for change in variations.in_lockstep([partial(moved, each) for each in changes]) if change]
         return tuple(sorted(known, key=lambda each: -each.worst.margin))
 
-    whole = moved(moves)
     if not finer:
-        return GradeSearch(finer, best(_with_instabilities(moves)), whole, True)
+        alone = _with_instabilities(moves)
+        variations.in_lockstep([partial(moved, each) for each in (moves, *alone)])  # answered in one pass
+        return GradeSearch(finer, best(alone), moved(moves), True)
+    whole = moved(moves)
     if whole is None or not whole.met:
         return GradeSearch(finer, (), whole, True)
     tried = 0

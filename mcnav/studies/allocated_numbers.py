@@ -74,11 +74,11 @@ def find_change(
         return math.nan if multiple is None else worst_of(multiple, goal).margin
 
     met = worst_of(variations.base.requirements, goal).met
+    alone = changed[0] if len(changed) == 1 else None
     if met:
-        factor, closest = critical_multiple(margin), MOST
+        factor, closest = critical_multiple(margin, rounded=partial(_rounded, alone, grows=False)), MOST
     else:
         factor, closest = nearest_multiple(margin, LEAST if math.isnan(margin(0.0)) else 0.0)
-    alone = changed[0] if len(changed) == 1 else None
     now, paths = "" if alone is None else alone.text, tuple(number.path for number in changed)
     if math.isnan(factor) or math.isinf(factor):
         judged = variations.base.requirements if closest == 1.0 else variations.judged(values_of(changed, closest))

@@ -215,7 +215,10 @@ class _Study:
                 answer_linearly(campaign)
 
     def _just_met(self, margins: Array) -> tuple[JustMet, ...]:
-        """Solve for the values at which each limit is just met: of the second variable at some values of the first."""
+        """Solve for the values at which each limit is just met: of the second variable at some values of the first.
+
+        Of limits that are asked for, else of those of the requirements.
+        """
         *first, last = self.variables
         rows: list[tuple[float | None, Array]] = [(None, margins)]
         if first:
@@ -224,6 +227,7 @@ class _Study:
             rows = [(float(first[0].values[number]), margins[number]) for number in chosen]
 
         limited = [number for number in range(len(self.measures)) if not np.isnan(margins[..., number]).all()]
+        asked = [number for number in limited if self.measures[number].requirement is None]
 
         def solve(task: tuple[int, tuple[float | None, Array]]) -> JustMet:
             number, (fixed, row) = task
@@ -236,7 +240,7 @@ class _Study:
                 return words_that_meet(row[:, number], number, fixed)
             return find_crossings(last, row[:, number], margin_at, number, fixed)
 
-        return tuple(in_threads(solve, list(product(limited, rows)), self._jobs))
+        return tuple(in_threads(solve, list(product(asked or limited, rows)), self._jobs))
 
     def confirmed(self, sweep: Sweep, count: int, path: Path) -> Sweep:
         """Run Monte Carlo at so many points of the grid."""

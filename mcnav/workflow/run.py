@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from mcnav.analysis.remedies import Remedies, something_fails
 from mcnav.analysis.summary import Summary
+from mcnav.compiled.kept import keep
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign
 from mcnav.config.stopping import StoppingRule
@@ -22,6 +23,7 @@ from mcnav.execution.child_processes import side_threads
 from mcnav.execution.progress import SILENT, Phase, Progress, note
 from mcnav.execution.stopping import stopped_by
 from mcnav.execution.threads import one_thread
+from mcnav.files.whole import to_json
 from mcnav.linear.polynomial_engine import engine_names
 from mcnav.runner.chunks import ChunkJob
 from mcnav.runner.identity import DrawnRun, check_no_foreign_files, check_resumable, identity_of
@@ -130,7 +132,7 @@ def run_campaign(
         begun = _begin(campaign, folder, engine_name, fresh, force)
         execution = Execution(begun.job, jobs, progress, begun.notices.append, most_failures, executor)
         system, code = begun.system, campaign.code is not None
-        with _computed_beside(lambda: _compute_beside(system), before=code) as beside:
+        with _computed_beside(lambda: _compute_beside(system, begun.manifest.identity), before=code) as beside:
             manifest, record = _simulate(execution, begun.manifest, campaign.until)
             progress.phase(Phase.ANALYSING)
             model = system.model.completed(beside())
@@ -176,10 +178,18 @@ def _begin(campaign: Campaign, folder: RunFolder, engine_name: str, fresh: bool,
     return _Begun(system, manifest, job, notices)
 
 
-def _compute_beside(system: PreparedSystem) -> dict[str, object]:
-    """Compute what further simulations add to the linear model, as fields of its record."""
+def _compute_beside(system: PreparedSystem, identity: Identity) -> dict[str, object]:
+    """Compute what further simulations add to the linear model, as fields of its record.
+
+    Corrections follow from the identity of the run, but for code of a user's, whose own simulations are kept.
+    """
     exceedances = estimate_exceedances(system, system.requirements, system.campaign.confidence)
-    return asdict(compute_corrections(system)) | {"exceedance": exceedances or None}
+
+    def corrections() -> dict[str, Any]:
+        return dict(to_json(asdict(compute_corrections(system))))
+
+    known = corrections() if identity.code is not None else keep("corrections", identity.to_json(), corrections)
+    return known | {"exceedance": exceedances or None}
 
 
 def _simulate(execution: Execution, manifest: Manifest, rule: StoppingRule | None) -> tuple[Manifest, ExecutionRecord]:

@@ -15,16 +15,21 @@ import pandas as pd
 import pytest
 
 import mcnav
+from mcnav.compiled import kept
 from mcnav.compiled.target import target
 from mcnav.config.read import Campaign, parse_campaign, read_campaign
 from mcnav.errors import RunFolderBusy, RunFolderError
 from mcnav.execution.progress import SILENT, Phase
+from mcnav.linear.corrections import Corrections
 from mcnav.runner.runner import run_chunks
 from mcnav.store.provenance import commit
 from mcnav.store.run_folder import RunFolder
 from mcnav.systems.reentry import scenario as reentry
 from mcnav.systems.steady.scenario import Cruise
+from mcnav.workflow import run as workflow_run
 from mcnav.workflow.analyse import report_run
+from mcnav.workflow.corrections import compute_corrections
+from mcnav.workflow.prepare import PreparedSystem
 from mcnav.workflow.replay import replay
 from mcnav.workflow.run import run_campaign
 from mcnav.workflow.stored_summary import summary_of
@@ -203,6 +208,31 @@ def test_samples_with_other_last_digits_are_not_mixed(tmp_path: Path, monkeypatc
     with pytest.raises(RunFolderError, match="holds samples of another run"):
         simulate(run, tmp_path / "run", "ensemble", 1)
     assert simulate(run, tmp_path / "run", "ensemble", 1, fresh=True).simulated == 100
+
+
+def test_corrections_are_kept_for_the_same_run_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other samples, another seed and other errors have other corrections; tolerance and folder do not count."""
+    monkeypatch.setenv("MCNAV_CACHE_DIR", str(tmp_path / "kept"))
+    monkeypatch.setattr(kept, "KEPT_FROM", 0.0)
+    computed = list[str]()
+    models = {}
+
+    def models_of(name: str, *given: Any, **entries: Any) -> None:
+        def counted(system: PreparedSystem) -> Corrections:
+            computed.append(name)
+            return compute_corrections(system)
+
+        monkeypatch.setattr(workflow_run, "compute_corrections", counted)
+        simulate(campaign(4, *given, **entries), tmp_path / name, "ensemble", 1)
+        models[name] = json.loads((tmp_path / name / "manifest.json").read_text())["model"]
+
+    models_of("first", samples=100)
+    models_of("again", samples=100)
+    assert models["again"] == models["first"]
+    models_of("more", samples=101)
+    models_of("seed", samples=100, seed=7)
+    models_of("errors", 1.001, samples=100)
+    assert computed == ["first", "more", "seed", "errors"]
 
 
 def test_a_run_that_continues_on_another_processor_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from mcnav.config.read import read_campaign
 from mcnav.report.figures.sweep import contour_lines
 from mcnav.studies.sweep import SweepPlan, run_sweep, write_sweep
 from tests.commands import invoke
-from tests.conftest import ROOT
+from tests.conftest import ROOT, content
 from tests.runs import vary
 
 CAMPAIGNS = ROOT / "campaigns"
@@ -329,6 +329,22 @@ def test_the_page_has_curves_limits_and_contours(aided: Path) -> None:
     assert "Lines of equal accuracy" in page
     assert page.count("<svg") == 4
     assert len(pd.read_csv(out / "sweep.csv")) == 16
+
+
+def test_limits_that_are_asked_for_are_those_solved_for() -> None:
+    """Requirements stay columns, and are solved for where no limit is asked for."""
+    accept = {"quantile": [{"output": "range", "probability": 0.95, "below": "60 km"}]}
+    described = content(samples=1000, accept=accept)
+
+    def solved(against: str) -> tuple[list[str], int]:
+        table = mcnav.sweep(described, {"errors.altitude": "0.3..30 km"}, against=against, points=6)
+        return [row["measure"] for row in table.attrs["just_met"]], len(table.columns)
+
+    (asked,), columns = solved("altitude < 40 km")
+    assert asked.startswith("altitude")
+    (required,), others = solved("altitude")
+    assert "range" in required
+    assert others == columns - 1  # a limit that is asked for has a column that says where it is met
 
 
 def test_formats(aided: Path) -> None:

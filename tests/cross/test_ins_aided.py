@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from math import prod
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -259,8 +260,9 @@ def test_a_covariance_that_is_not_definite_is_a_failure_with_a_reason() -> None:
     assert np.isnan(result.values).all()
 
 
-def test_too_many_steps_to_halve_are_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_steps_to_halve_are_told_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The numerical error is not measured then, and is not a number that is none."""
+    monkeypatch.setenv("MCNAV_CACHE_DIR", str(tmp_path))
     of = scenario()
     assert of.navigation.aided is not None
     monkeypatch.setattr(aided, "MOST_STEPS", len(of.navigation.aided.grid(1)))

@@ -74,6 +74,7 @@ def test_flights_on_the_side_are_stopped(tmp_path: Path, monkeypatch: pytest.Mon
         assert under_way.wait(LONG)
         raise KeyboardInterrupt
 
+    monkeypatch.setenv("MCNAV_CACHE_DIR", str(tmp_path / "kept"))
     monkeypatch.setattr("mcnav.workflow.run.compute_corrections", corrections)
     with pytest.raises(KeyboardInterrupt):
         simulate(campaign(4, samples=100), tmp_path / "run", "ensemble", 1, progress=OnAdvance(broken_off))

@@ -119,16 +119,18 @@ class _Pass:
         definite = self.definite[number]
         return Tuned(*(table[:, number] if definite else np.full_like(table[:, number], np.nan) for table in read))
 
-    def _steps(self, first: int, last: int) -> Iterator[tuple[Array, ...]]:
-        """Yield A, B, Q, F and Q_f of steps, those of noise of each tuning."""
+    def _steps(self, first: int, last: int) -> Iterator[tuple[_Noise, _Noise, int, Array, Array, Array]]:
+        """Yield Q and Q_f of each tuning with the number of a step, and its A, B and F."""
         steps, own = self.timelines[0].steps(first, last), self.filters[0].steps(first, last)
-        noise = _added_up(steps.noise, [timeline.sizes for timeline in self.timelines], steps.transitions.shape)
-        believed = _added_up(own.noise, [filtered.sizes for filtered in self.filters], own.transitions.shape)
-        yield from zip(steps.transitions, steps.inputs[:, :, self.used], noise, own.transitions, believed, strict=True)
+        noise = _Noise.of(last - first, steps.noise, [timeline.sizes for timeline in self.timelines])
+        believed = _Noise.of(last - first, own.noise, [filtered.sizes for filtered in self.filters])
+        inputs = steps.inputs[:, :, self.used]
+        for number, tables in enumerate(zip(steps.transitions, inputs, own.transitions, strict=True)):
+            yield noise, believed, number, *tables
 
-    def _step(self, transition: Array, inputs: Array, noise: Array, own: Array, own_noise: Array) -> None:
-        self.own = step(self.own, own, own_noise)
-        self.covariance = step(self.covariance, transition, noise)
+    def _step(self, noise: _Noise, believed: _Noise, number: int, transition: Array, inputs: Array, own: Array) -> None:
+        self.own = step(self.own, own, believed.covariances[:, number], believed.rows)
+        self.covariance = step(self.covariance, transition, noise.covariances[:, number], noise.rows)
         self.partials = transition @ self.partials
         self.partials += inputs
 
@@ -191,18 +193,31 @@ class _Updates:
         return np.array([is_definite(each, self.sizes) for each in self.innovations.swapaxes(0, 1)], dtype=np.bool_)
 
 
-def _added_up(noise: Mapping[str, StepNoise], sizes: Sequence[Mapping[str, float]], shape: tuple[int, ...]) -> Array:
-    """Add up what all processes add in steps of a shape (k, n, n), of the sizes of each of N tunings, (k, N, n, n)."""
-    total = np.zeros((shape[0], len(sizes), *shape[1:]))
-    if not noise:
-        return total
-    rows = np.unique(np.concatenate([added.rows for added in noise.values()]))
-    units = np.zeros((len(noise), shape[0], len(rows), len(rows)))
-    for unit, added in zip(units, noise.values(), strict=True):
-        places = np.searchsorted(rows, added.rows)
-        unit[:, places[:, None], places] = added.covariances
-    flat = units.reshape(len(units), -1)
-    for number, of in enumerate(sizes):
-        sized = np.array([of.get(name, 1.0) for name in noise]) @ flat
-        total[:, number, rows[:, None], rows] = sized.reshape(units.shape[1:])
-    return total
+@dataclass(frozen=True)
+class _Noise:
+    """What all processes add in k steps, by the sizes of each of N tunings.
+
+    Attributes
+    ----------
+    rows : slice
+        States to which they add.
+    covariances : ndarray, shape (N, k, r, r)
+    """
+
+    rows: slice
+    covariances: Array
+
+    @classmethod
+    def of(cls, count: int, noise: Mapping[str, StepNoise], sizes: Sequence[Mapping[str, float]]) -> _Noise:
+        """Add up processes of size one in so many steps."""
+        every = np.concatenate([np.zeros(0, dtype=np.int64), *(added.rows for added in noise.values())])
+        rows = slice(int(every.min()), int(every.max()) + 1) if len(every) else slice(0, 0)
+        units = np.zeros((len(noise), count, rows.stop - rows.start, rows.stop - rows.start))
+        for unit, added in zip(units, noise.values(), strict=True):
+            places = added.rows - rows.start
+            unit[:, places[:, None], places] = added.covariances
+        total = np.empty((len(sizes), *units.shape[1:]))
+        flat = units.reshape(len(units), total[:1].size)
+        for sized, of in zip(total, sizes, strict=True):  # one by one: the bits of each are its own
+            np.matmul(np.array([of.get(name, 1.0) for name in noise]), flat, out=sized.reshape(-1))
+        return cls(rows, total)

@@ -35,6 +35,7 @@ from mcnav.systems.ins.imu.gravity import cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import respond_from_rest
 from mcnav.systems.ins.imu.sample_noise import SampleNoise
+from mcnav.systems.ins.kept import keep_of, settle
 from mcnav.systems.ins.linear.aided_errors import (
     ClosedLoopErrors,
     SmoothedErrors,
@@ -161,8 +162,12 @@ class AidedNavigation:
     @cached_property
     def linear(self) -> ClosedLoopErrors:
         """The linear closed loop at the epochs, after the updates."""
-        places = self.places(self.loop)
-        return propagate_closed_loop(self.loop, places, np.ones(len(places)))
+
+        def compute() -> dict[str, object]:
+            places = self.places(self.loop)
+            return vars(propagate_closed_loop(self.loop, places, np.ones(len(places))))
+
+        return ClosedLoopErrors(**keep_of(self, "linear", (), compute))
 
     def read_out(
         self, times: Array | None = None
@@ -172,7 +177,10 @@ class AidedNavigation:
         There are two readings where an update falls on a time.
         """
         updates, loop, readings, after = self._readings(times)
-        return updates, propagate_closed_loop(loop, readings, after, not self.together)
+        errors = keep_of(
+            self, "linear", times, lambda: vars(propagate_closed_loop(loop, readings, after, not self.together))
+        )
+        return updates, ClosedLoopErrors(**errors)
 
     def smoothed(
         self, times: Array | None = None
@@ -234,19 +242,25 @@ class AidedNavigation:
     def refined(self, probes: Array) -> tuple[AidedTables, float]:
         """Divide the steps until probes without noise, shape (n, sources), agree; return the tables and the error.
 
-        The tables of half the coarsest steps are computed in a thread beside what needs those of the coarsest ones.
         Without a probe the coarsest steps are taken, and no error is known.
         """
         probes = probes[:PROBES]
         if not len(probes):
             return self.tables(1), float("nan")
+        return settle(self, probes, lambda: self._search(probes), self.tables)
+
+    def _search(self, probes: Array) -> tuple[int, AidedTables, float]:
+        """Return the division of the steps with which probes agree, its tables, and the error.
+
+        The tables of half the coarsest steps are computed in a thread beside what needs those of the coarsest ones.
+        """
         division, most = 1, MOST_STEPS // 2
         with side_threads(1) as beside:
             halved = beside.submit(self.tables, 2) if len(self.loop.times) - 1 <= most else None
             tables = self.tables(1)
             coarse = self._without_noise(tables, probes)
             if halved is None:
-                return tables, float("nan")
+                return 1, tables, float("nan")
             sigma = self._own_sigma
             finer = halved.result()
         while True:
@@ -256,12 +270,12 @@ class AidedNavigation:
             sizes = np.where(scale > 0.0, scale, 1.0)
             error = float((np.abs(coarse - fine) / sizes).max(initial=0.0)) / 3.0  # of the finer one
             if 4.0 * error <= TOLERANCE:
-                return tables, 4.0 * error
+                return division, tables, 4.0 * error
             if error <= TOLERANCE or 2 * division >= LARGEST_DIVISION:
-                return finer, error
+                return 2 * division, finer, error
             division, tables, coarse = 2 * division, finer, fine
             if len(tables.loop.times) - 1 > most:
-                return tables, float("nan")
+                return division, tables, float("nan")
             finer = self.tables(2 * division)
 
     @cached_property

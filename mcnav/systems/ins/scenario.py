@@ -49,6 +49,7 @@ from mcnav.systems.ins.imu.fine_noise import draw_noise
 from mcnav.systems.ins.imu.gravity import CAUSES, DISTURBANCES, cause_of
 from mcnav.systems.ins.imu.instruments import CONSTANTS, OUTPUTS, PROCESSES, Imu, process_sizes
 from mcnav.systems.ins.imu.linear_noise import NoiseResponse
+from mcnav.systems.ins.kept import settle
 from mcnav.systems.ins.linear.covariance import LinearErrors
 from mcnav.systems.ins.linear.delay_remarks import remarks_on_delays
 from mcnav.systems.ins.linear.free_timeline import free_errors, free_starts
@@ -839,15 +840,15 @@ class Ins(PlainScenario):
             kept = 8 * (shared.white.size + 10 * len(self.navigation.times))
             accuracy = f"{accuracy}; for the smoother {kept / 1000.0:,.1f} kB of a sample are kept"
             return AidedEngine(aided, shared, schema, False, accuracy, smoothing=aided.smoother_tables(shared))
-        tables, error = self._refined(probes)
+        tables, error = settle(self.navigation, probes, lambda: self._search(probes), self.navigation.tables)
         accuracy = (
             f"deviations in inertial axes, {len(tables.durations)} steps; largest numerical error of {len(probes)} "
             f"probe samples {error:.1e} of an output's dispersion"
         )
         return EnsembleEngine(self.navigation, tables, accuracy)
 
-    def _refined(self, probes: Array) -> tuple[EnsembleTables, float]:
-        """Find the tables with the steps that the probes allow, and their error; the method is of second order."""
+    def _search(self, probes: Array) -> tuple[int, EnsembleTables, float]:
+        """Find the steps that the probes allow, their tables and their error; the method is of second order."""
         index, navigation = np.arange(len(probes)), self.navigation
 
         def flown(tables: EnsembleTables) -> Array:
@@ -864,9 +865,9 @@ class Ins(PlainScenario):
             shares = np.abs(coarse - fine).max(axis=0, initial=0.0)[scale > 0.0] / scale[scale > 0.0]
             error = float(shares.max(initial=0.0)) / 3.0  # of the finer one
             if 4.0 * error <= TOLERANCE:
-                return tables, 4.0 * error
+                return steps, tables, 4.0 * error
             if error <= TOLERANCE or 2 * steps >= MOST_STEPS:
-                return finer, error
+                return 2 * steps, finer, error
             wanted = 2 * steps * 2 ** max(0, int(np.ceil(0.5 * np.log2(error / TOLERANCE))) - 1)
             steps = min(wanted, MOST_STEPS // 2)
             tables = finer if wanted == 2 * steps else navigation.tables(steps)

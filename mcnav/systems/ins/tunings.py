@@ -6,9 +6,10 @@ With a filter each navigation has gains of its own (`mcnav.linear.engine.tunings
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from mcnav.arrays.products import map_covariances, transform
 from mcnav.arrays.types import Array
 from mcnav.caches.recent import Recent
 from mcnav.contract.linear import CovarianceReadings
-from mcnav.contract.timeline import Timeline
+from mcnav.contract.timeline import FilterSteps, Steps, Timeline
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.tunings import propagate_tunings
 from mcnav.systems.ins.filter.model import NAVIGATION, FilterModel
@@ -29,6 +30,9 @@ from mcnav.systems.ins.linear.response_blocks import recent_responses
 from mcnav.systems.ins.linear.sizes import same_kind, same_sensors, states_of_sizes
 from mcnav.systems.ins.sensors.aiding import Sensor
 from mcnav.systems.ins.truth.trajectory import Platform, Truth
+
+MOST_KEPT: Final = 4_096
+"""Steps up to which they are kept for all tunings: 20 kB each."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +125,21 @@ class Tables:
         return [answers[number] for number in range(len(tunings))]
 
     def _timeline(self, loop: ClosedLoop, tuning: Navigated) -> Timeline:
+        """Return the timeline of a tuning, whose steps are those of all others: they are kept, unless they are many."""
         assert tuning.filter is not None
-        return loop.system.tuned(tuning.imu, tuning.sensors, tuning.filter)
+        timeline = loop.system.tuned(tuning.imu, tuning.sensors, tuning.filter)
+        if len(loop.times) > MOST_KEPT or timeline.filter is None:
+            return timeline
+        steps, own = self._steps
+        return replace(timeline, steps=steps, filter=replace(timeline.filter, steps=own))
+
+    @cached_property
+    def _steps(self) -> tuple[Callable[[int, int], Steps], Callable[[int, int], FilterSteps]]:
+        """Steps of the timeline and of its filter, computed once."""
+        assert self._loop is not None
+        timeline = self._loop.timeline
+        assert timeline.filter is not None
+        return cache(timeline.steps), cache(timeline.filter.steps)
 
     @cached_property
     def _free(self) -> tuple[Timeline, Propagated]:

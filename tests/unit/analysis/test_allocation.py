@@ -10,6 +10,7 @@ import pytest
 from mcnav.analysis.allocation import MOST, NARROW, PRECISION, critical_multiple, nearest_multiple, worst_of
 from mcnav.analysis.linear_answer import LinearRequirement
 from mcnav.analysis.requirements import Requirement
+from mcnav.config.data_sheet import round_down
 
 CASES: dict[str, tuple[Callable[[float], float], float]] = {
     "tightened": (lambda k: math.sqrt(0.3 + 0.9 * k * k), math.sqrt(0.7 / 0.9)),
@@ -90,3 +91,23 @@ def test_a_requirement_that_cannot_be_judged_is_the_worst() -> None:
     known, unknown = (LinearRequirement(requirement, value, margin) for value, margin in ((0.5, 2.0), (math.nan,) * 2))
     assert worst_of((known, unknown), (0, 1)) is unknown
     assert worst_of((unknown, known), (0, 1)) is unknown
+
+
+@pytest.mark.parametrize("power", [0.5, 0.8, 1.2, 1.5, 2.0])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_the_largest_number_that_can_be_proposed_takes_few_answers(power: float, share: float) -> None:
+    """Errors that grow as a mixture of powers, as they do with a filter: exact to the last of three digits."""
+    asked = []
+
+    def size(multiple: float) -> float:
+        return 0.6 * (1.0 - share + share * (0.7 * math.pow(multiple, power) + 0.3 * math.pow(multiple, 0.6 * power)))
+
+    def margin(multiple: float) -> float:
+        asked.append(multiple)
+        return 1.0 / math.sqrt(size(multiple))
+
+    found = critical_multiple(margin, rounded=round_down)
+    step = 10.0 ** (math.floor(math.log10(found)) - 2)
+    assert found == round_down(found)
+    assert size(found) <= 1.0 < size(found + step)
+    assert len(asked) <= 5  # regula falsi takes 6 to 11, and one more for the number that is proposed
