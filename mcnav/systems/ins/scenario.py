@@ -453,9 +453,8 @@ class Ins(PlainScenario):
             if not first <= time <= last:
                 raise ScenarioError(key, f"got {time:g} s; the trajectory has {first:g} to {last:g} s")
         if navigation.end - navigation.start < SHORTEST:
-            raise ScenarioError(
-                "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
-            )
+            least = f"at least {navigation.start + SHORTEST:g} s, {SHORTEST:g} s after the start"
+            raise ScenarioError("end", f"got {navigation.end:g} s; expected {least}")
         self.navigation = navigation
         self.revision = REVISION + 2 * navigation.measures_exactly
         self.further_epochs = navigation.further  # samples' noise depends on all epochs
