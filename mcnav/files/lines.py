@@ -36,11 +36,11 @@ def place_of_row(path: Path, row: int) -> str:
         with path.open(encoding="utf-8-sig", errors="replace") as text:
             lines = ((number, line) for number, line in enumerate(text, start=1) if line.strip())
             lines = (each for each in lines if not (commented and each[1].startswith("%")))
-            lines = dropwhile(lambda each: COMMENT.match(each[1]), lines)
-            number, line = next(lines)
+            rows = dropwhile(lambda each: COMMENT.match(each[1]), lines)
+            number, line = next(rows)
             ahead = row if _holds_numbers(line) else row + 1
             if ahead:
-                number, _ = next(islice(lines, ahead - 1, None))
+                number, _ = next(islice(rows, ahead - 1, None))
     except (OSError, StopIteration):
         return f"row {row + 1:,}"
     return f"line {number:,}"
