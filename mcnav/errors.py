@@ -204,7 +204,9 @@ def suggestion(name: str, known: Sequence[str]) -> str:
     if len(known) > MOST_NAMES:
         listed += f" and {len(known) - MOST_NAMES} more"
     near = did_you_mean(near_names(name, known))
-    return f"{near} It is one of {listed}" if near else f"; expected one of {listed}"
+    if near:
+        return f"{near} It is one of {listed}"
+    return f"; expected one of {listed}" if len(known) > 1 else f"; expected {listed}"
 
 
 def reason_of(failure: Exception) -> str:

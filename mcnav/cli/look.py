@@ -34,7 +34,7 @@ from mcnav.cli.printing import (
     print_written,
     write_data,
 )
-from mcnav.cli.program import CHECK_FAILED, command, failure
+from mcnav.cli.program import BAD_INPUT, CHECK_FAILED, command, failure
 
 
 @command()
@@ -236,8 +236,8 @@ def compare(
 ) -> None:
     """Compare runs: inputs, sigmas, verdicts, error budgets.
 
-    With several runs, show the inputs that differ and the change of each output from the first run, with intervals.
-    Runs with the same seed, design and sources are compared on common draws.
+    It shows the inputs that differ and the change of each output from the first run, with intervals. Runs with the
+    same seed, design and sources are compared on common draws.
 
     Example: mcnav compare reports/11_cruise reports/other --out reports
     """
@@ -259,29 +259,28 @@ def compare(
             runs[name] = shown = Summary.of(escaped(summary))
             terminal.comparison({name: shown})
             verdicts.append((f"\n{name}: {shown.campaign}", terminal.verdict(shown)))
-    several = len(folders) > 1
-    result = compare_runs(folders) if several or page is not None else None
+    if len(folders) < 2:
+        raise failure("RUN: got one run; expected two or more; mcnav show prints the results of one", BAD_INPUT)
+    result = compare_runs(folders)
     console = out if form == "table" else err
     if (warning := terminal.warnings(runs)) is not None:
         console.print(warning)
     if form != "table":
         rows = output_rows(runs)
         tables: dict[str, Any] = {"runs": export.run_rows(runs), "outputs": rows}
-        if result is not None and several:
-            tables["outputs"] = rows = export.with_changes(rows, list(runs), result.rows)
-            changed = result.inputs.set_axis(list(runs), axis="columns")
-            tables["inputs"] = [{"key": key, **dict(values)} for key, values in changed.iterrows()]
+        tables["outputs"] = rows = export.with_changes(rows, list(runs), result.rows)
+        changed = result.inputs.set_axis(list(runs), axis="columns")
+        tables["inputs"] = [{"key": key, **dict(values)} for key, values in changed.iterrows()]
         print_rows(form, rows, tables)
     else:
         console.print(terminal.comparison(runs))
         for heading, verdict in verdicts:
             console.print(heading, markup=False, style="bold")
             console.print(verdict, soft_wrap=False)
-        if result is not None:
-            console.print()
-            parts = comparison.terminal(result.titles, result.manifests, result.rows, result.confidence)
-            console.print(printed(parts), soft_wrap=False)
-    if page is not None and result is not None:
+        console.print()
+        parts = comparison.terminal(result.titles, result.manifests, result.rows, result.confidence)
+        console.print(printed(parts), soft_wrap=False)
+    if page is not None:
         page.parent.mkdir(parents=True, exist_ok=True)
         write_whole(page, result.page.encode())
         console.print(f"\nwritten: {page}", markup=False)

@@ -73,8 +73,8 @@ def after_show(folder: Path, table: str | None) -> str:
 
 
 def after_comparison(folders: Sequence[Path], page: Path | None) -> str:
-    """Return the command after a comparison: its page, or the list of the runs beside the only one."""
-    if len(folders) > 1 and page is None:
+    """Return the command after a comparison: its page, or the list of the runs."""
+    if page is None:
         return written("compare", *folders, "--out", folders[0].parent)
     return written("report", "--index", folders[0].parent)
 

@@ -120,13 +120,14 @@ def _own_style(within: Any = None) -> Iterator[None]:
 
 def _said(wrong: TyperException) -> str:
     """Return what the parser refuses: the option or argument, what is wrong, and the nearest option there is."""
-    from mcnav.errors import did_you_mean
+    from mcnav.errors import did_you_mean, near_names
     from mcnav.physics.units import printable
 
     if (option := getattr(wrong, "option_name", None)) is not None:
         if not hasattr(wrong, "possibilities"):
             return f"{option}: {'needs a value' if 'requires' in str(wrong) else 'takes no value'}"
-        return f"{option}: no such option{did_you_mean(wrong.possibilities or ())}"
+        near = near_names(option.lstrip("-"), [each.lstrip("-") for each in wrong.possibilities or ()])
+        return f"{option}: no such option{did_you_mean([f'--{each}' for each in near])}"
     message, parameter = getattr(wrong, "message", "") or "is missing", getattr(wrong, "param", None)
     if message.startswith("Input should") and (errors := getattr(wrong.__cause__, "errors", None)) is not None:
         message = f"got {printable(str(errors()[0]['input']), LONGEST_CHOICE)!r}; {message}"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal
 
+import numpy as np
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationInfo, create_model
 from pydantic_core.core_schema import CoreSchema, float_schema, with_info_before_validator_function
 
@@ -39,7 +40,12 @@ Meaning: Final = Field(
 
 
 def implausible(size: float, source: Source) -> str:
-    """Return what is wrong with an error that is larger than `LARGEST_MULTIPLE` allows; nothing if it is not."""
+    """Return what is wrong with an error that is larger than `LARGEST_MULTIPLE` allows; nothing if it is not.
+
+    An angle is at most half a turn, unless that is no more than its usual size.
+    """
+    if source.unit == "rad" and abs(size) > np.pi > source.nominal:
+        return "at most 180 deg makes sense"
     largest = LARGEST_MULTIPLE * source.nominal
     if abs(size) <= largest:
         return ""

@@ -28,6 +28,7 @@ from mcnav.entries.inputs import SourceFile
 from mcnav.entries.validation import validate
 from mcnav.errors import CampaignError, Problem
 from mcnav.physics.units import PlainNumbers, numbers_in_si
+from mcnav.sampler.designs import DESIGNS
 from mcnav.sampler.distributions import Distribution, Normal
 from mcnav.sampler.error_model import Correlation, CorrelationError, ErrorModel, JointError
 from mcnav.sampler.multivariate_t import MultivariateT
@@ -228,13 +229,14 @@ def _check_use(scenario: Scenario | None, context: FileContext) -> None:
     """Add mistakes about what the file has, and a scenario of this type cannot use."""
     content, entries = context.content, context.content.get("scenario")
     if content.get("design") == "sobol" and scenario is not None and scenario.noisy:
-        context.problem("design", "got 'sobol'; a net has no place for noise, so choose another design")
+        others = ", ".join(design for design in DESIGNS if design != "sobol")
+        context.problem("design", f"got 'sobol', which cannot draw noise; expected one of {others}")
     kind = scenario_type(entries.get("type")) if isinstance(entries, dict) else None
     if kind is None:
         return
     for name in FURTHER_NAMES:
         if name in content and name not in kind.tables:
-            context.problem(name, f"{further_tables()[name].absent}; leave it out")
+            context.problem(name, f"{further_tables()[name].absent}; remove this table")
     for name, further in kind.tables.items():
         if further.needs and content.get(name) not in (None, []) and content.get(further.needs) in (None, []):
             context.problem(name, further.because)

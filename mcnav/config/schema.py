@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import Field, create_model
+from pydantic import AfterValidator, Field, create_model
 
 from mcnav.config.toml import Content
+from mcnav.entries.mistakes import told
 from mcnav.entries.quantities import (
     Duration,
     Number,
@@ -165,11 +166,21 @@ class AcceptTable(Table):
     ] = []
 
 
+def _with_quantity(until: str) -> str:
+    """Refuse a precision without the quantity that it is of."""
+    if until.strip().partition(" ")[0] in QUANTITIES:
+        return until
+    wanted = " or ".join(f'"{quantity} 1 %"' for quantity in QUANTITIES)
+    raise told(f"got {until!r}; expected a quantity and its precision: {wanted}")
+
+
 class UntilTable(Table):
     """``samples = { until = "sigma_ratio 1 %", confidence = 0.95, at_most = 1_000_000 }``."""
 
+    called: ClassVar[str] = "a stopping rule"
     until: Annotated[
         str,
+        AfterValidator(_with_quantity),
         Field(
             description='"sigma_ratio" or "sigma_ratio_paired", and the precision at which the run stops.',
             examples=["sigma_ratio 1 %"],

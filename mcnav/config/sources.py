@@ -150,7 +150,7 @@ def _read_distribution(entry: object, source: Source, key: str, context: FileCon
     except ValueError as wrong:
         given = {name: value for name, value in entry.items() if name != KIND} if isinstance(entry, dict) else {}
         written = ", ".join(f"{name} = {value!r}" for name, value in given.items()) or repr(entry)
-        context.problem(key, f"got {written}; {wrong}")
+        context.problem(key, f"got {written}; {str(wrong).partition('; got ')[0]}")
         return None
     size = max(abs(distribution.mean), distribution.standard_deviation)
     if too_large := implausible(size, source):

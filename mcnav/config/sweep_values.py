@@ -122,7 +122,7 @@ def _read_variable(path: str, text: str, points: int) -> Variable:
     given, unit = _read_items(text.split(","), text)
     values = np.unique(given)
     if len(values) < 2:
-        raise UnitError(f"got {text!r}; expected at least two different values")
+        raise UnitError(f"got {text!r}; expected at least two different values: {EXPECTED.removeprefix('expected ')}")
     if len(values) < len(given):
         raise UnitError(f"got {text!r}; a value occurs twice")
     log = bool(values[0] > 0.0 and values[-1] / values[0] >= DECADE * (1.0 - 1e-12))

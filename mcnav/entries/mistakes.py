@@ -44,7 +44,7 @@ def explain_keys(
     """Return the errors of a table with more to say about its keys.
 
     Those of unknown keys come first and say why a key is refused, or which may have been meant; those of missing keys
-    say what is needed.
+    say what is needed. Where as many are unknown as missing, only the unknown ones are told: each stands for another.
 
     Parameters
     ----------
@@ -68,6 +68,9 @@ def explain_keys(
         return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=error.get("ctx", {}))
 
     errors = sorted(invalid.errors(include_url=False), key=lambda error: error["type"] != "extra_forbidden")
-    if not {"extra_forbidden", "missing"} & {error["type"] for error in errors}:
+    kinds = [error["type"] for error in errors]
+    if not {"extra_forbidden", "missing"} & set(kinds):
         return invalid
+    if called and kinds.count("extra_forbidden") == kinds.count("missing"):
+        errors = [error for error in errors if error["type"] != "missing"]
     return ValidationError.from_exception_data(invalid.title, [explained(error) for error in errors])

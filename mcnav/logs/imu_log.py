@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
+from mcnav.files.lines import place_of_row
 from mcnav.logs import px4, ros_bags
 from mcnav.logs.imu_columns import ACCELEROMETER, AXES, GYRO, ImuColumns, find_columns
 from mcnav.logs.imu_units import check_force, check_interval, check_rates, saturations
@@ -203,9 +204,10 @@ def _missing_note(table: LogTable, chosen: ImuColumns, vectors: Mapping[str, Arr
     if count > MOST_MISSING * len(missing):
         raise LogError(
             table.path, f"has no number, like {rows(count)} of {len(missing):,}; leave them out",
-            f"row {row + 1}, {column}",
+            f"{place_of_row(table.path, row)}, {column}",
         )  # fmt: skip
-    return f"{rows(count)} of {len(missing):,} left out, without a reading (first row {row + 1}, {column})"
+    first = place_of_row(table.path, row)
+    return f"{rows(count)} of {len(missing):,} left out, without a reading (first {first}, {column})"
 
 
 def _told_by_gravity(

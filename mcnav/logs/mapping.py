@@ -14,6 +14,7 @@ import numpy as np
 
 from mcnav.arrays.types import Array
 from mcnav.errors import suggestion
+from mcnav.files.lines import place_of_row
 from mcnav.logs.column_names import named, spelled_unit
 from mcnav.logs.log_error import LogError, listed
 from mcnav.logs.log_table import LogTable, Values
@@ -93,7 +94,9 @@ def numbers(table: LogTable, values: Values, name: str) -> Array:
     if values.dtype == object:
         row = next((row for row, value in enumerate(values) if value is not None), 0)
         raise LogError(
-            table.path, f"got {printable(str(values[row]), 40)!r}; expected a number", f"row {row + 1}, {name}"
+            table.path,
+            f"got {printable(str(values[row]), 40)!r}; expected a number",
+            f"{place_of_row(table.path, row)}, {name}",
         )
     with np.errstate(invalid="ignore"):  # of damaged numbers
         return np.asarray(values, dtype=float)

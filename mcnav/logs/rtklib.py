@@ -14,6 +14,7 @@ import numpy as np
 
 from mcnav.arrays.products import transformed_variances
 from mcnav.arrays.types import Array
+from mcnav.files.lines import place_of_row
 from mcnav.files.whole import is_number
 from mcnav.logs.geodetic import from_earth_fixed, north_east_down
 from mcnav.logs.log_error import LogError
@@ -81,7 +82,7 @@ def _numbers(path: Path, name: str, cells: Sequence[str]) -> Array:
     except ValueError:
         row = next(row for row, cell in enumerate(cells) if not is_number(cell))
         came = f"got '{printable(cells[row], 40)}'; expected a number"
-        raise LogError(path, came, f"row {row + 1}, {name}") from None
+        raise LogError(path, came, f"{place_of_row(path, row)}, {name}") from None
 
 
 def _times(path: Path, scale: str, cells: Sequence[Sequence[str]]) -> Array:

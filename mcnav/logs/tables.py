@@ -88,7 +88,7 @@ def _open_text(path: Path, size: int, beginning: bytes) -> LogTable:
 
 def _why_unreadable(path: Path, failure: OSError) -> str:
     if isinstance(failure, FileNotFoundError):
-        return "no such file"
+        return f"no such file; expected a recorded file ({FORMATS})"
     if path.is_dir():
         return f"is a folder; expected a recorded file ({FORMATS})"
     return f"cannot be read: {failure.strerror or failure}"

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
+from mcnav.files.lines import COMMENT, place_of_row
 from mcnav.files.parquet import numbers_in
 from mcnav.files.whole import is_number
 from mcnav.logs.log_error import LogError
@@ -30,7 +31,6 @@ BLOCK: Final = 1 << 24
 """Bytes of a block that is read at a time."""
 
 DELIMITERS: Final = (",", ";", "\t")
-COMMENT: Final = re.compile(r"\s*(#|%|//|!)")
 INTEGER: Final = re.compile(r"\s*[-+]?\d{10,19}\s*")
 """An integer that may lose digits as a floating-point number, such as nanoseconds since 1970."""
 
@@ -106,7 +106,8 @@ def _layout(path: Path, beginning: bytes) -> Layout:
         if len(first) != len(named):
             named = _split(written, separator)
         if len(first) != len(named):
-            raise LogError(path, f"has {len(first)} columns; expected {len(named)}, as in the line of names", "row 1")
+            message = f"has {len(first)} columns; expected {len(named)}, as in the line of names"
+            raise LogError(path, message, place_of_row(path, 0))
         return Layout(_distinct(path, named), separator, skipped, first, False, decimal)
     raise LogError(path, "is empty" if not text.strip() else "has no rows, only comments")
 
@@ -273,20 +274,18 @@ def column_values(column: pa.ChunkedArray) -> Values:
 def _why(path: Path, layout: Layout, places: Sequence[int], reason: str) -> LogError:
     """Find the first row that is no row of numbers."""
     with path.open("rb") as file:
-        file.seek(layout.skipped)
-        row = 0
-        for line in file:
+        above = file.read(layout.skipped).count(b"\n")
+        for number, line in enumerate(file, start=above + 1):
             written = decoded(line).strip()
             if not written:
                 continue
-            row += 1
             cells = _split(written, layout.delimiter)
             if len(cells) != len(layout.names):
                 message = f"has {len(cells)} columns; expected {len(layout.names)}, as in the first line"
-                return LogError(path, message, f"row {row}")
+                return LogError(path, message, f"line {number:,}")
             for place in places:
-                number = cells[place].replace(",", ".") if layout.decimal == "," else cells[place]
-                if cells[place] and not is_number(number) and is_number(layout.first[place]):
+                cell = cells[place].replace(",", ".") if layout.decimal == "," else cells[place]
+                if cells[place] and not is_number(cell) and is_number(layout.first[place]):
                     came = f"got '{printable(cells[place], 40)}'; expected a number"
-                    return LogError(path, came, f"row {row}, {layout.names[place]}")
+                    return LogError(path, came, f"line {number:,}, {layout.names[place]}")
     return LogError(path, f"is no table of numbers: {printable(reason.splitlines()[0], 200)}")

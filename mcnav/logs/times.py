@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
+from mcnav.files.lines import place_of_row
 from mcnav.logs.log_error import LogError
 from mcnav.logs.log_table import Values
 from mcnav.physics.units import UnitError, conversion
@@ -67,7 +68,8 @@ def seconds_of(path: Path, values: Values, unit: str, name: str) -> Stamps:
     Raises `LogError` where they are no numbers, one is missing, or the unit is none of time.
     """
     if values.dtype == object:
-        raise LogError(path, f"got {str(values[0])[:40]!r}; expected times in s or dates", f"row 1, {name}")
+        message = f"got {str(values[0])[:40]!r}; expected times in s or dates"
+        raise LogError(path, message, f"{place_of_row(path, 0)}, {name}")
     if len(values) and values.dtype.kind == "f":
         _refuse_missing(path, values, name)
     if values.dtype.kind in "iu" and unit in FACTORS:
@@ -89,7 +91,7 @@ def _refuse_missing(path: Path, values: Values, name: str) -> None:
     missing = np.flatnonzero(~np.isfinite(values))
     if len(missing):
         more = f" ({rows(len(missing))} like it)" if len(missing) > 1 else ""
-        raise LogError(path, f"has no time{more}; leave the row out", f"row {missing[0] + 1}, {name}")
+        raise LogError(path, f"has no time{more}; leave the row out", f"{place_of_row(path, missing[0])}, {name}")
 
 
 def unwrapped(stamps: Stamps) -> tuple[Stamps, tuple[str, ...]]:
@@ -112,7 +114,7 @@ def refuse_falling(path: Path, time: Array, name: str, remedy: str) -> None:
         more = f"; {len(falls):,} do" if len(falls) > 1 else ""
         raise LogError(
             path, f"got {time[row + 1]:.9g} s from the start after {time[row]:.9g} s{more}; times must rise{remedy}",
-            f"row {row + 2}, {name}",
+            f"{place_of_row(path, row + 1)}, {name}",
         )  # fmt: skip
 
 
@@ -132,7 +134,7 @@ def repeated(path: Path, time: Array, same: NDArray[np.bool_], name: str, remedy
         raise LogError(
             path, f"repeats the time of the row before, {time[other[0]]:.9g} s from the start, with other values "
             f"({rows(len(other))} of {len(time):,}); keep one row a time{remedy}",
-            f"row {other[0] + 2}, {name}",
+            f"{place_of_row(path, other[0] + 1)}, {name}",
         )  # fmt: skip
     return np.concatenate([[False], again])
 

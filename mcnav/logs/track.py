@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mcnav.arrays.types import Array
+from mcnav.arrays.types import Array, IndexArray
+from mcnav.files.lines import place_of_row
 from mcnav.logs import px4, ros_bags
 from mcnav.logs.log_error import LogError
 from mcnav.logs.mapping import Column, factor_to, numbers
@@ -155,7 +156,7 @@ def read_track(
     kept, further = _without_repeated(path, stamps.time, values, time_column.name)
     time = stamps.time[kept]
     values = {key: value[kept] * _factor(path, chosen[key], key) for key, value in values.items()}
-    _check_ranges(path, chosen, values)
+    _check_ranges(path, chosen, values, np.flatnonzero(kept))
     interval = interval_of(path, time, time_column.name)
     notes = (*table.notes, *notes, *told, *further, *notes_of_steps(time, interval), *_strange_sigmas(values))
     position = (values["latitude"], values["longitude"], values["altitude"])
@@ -249,7 +250,7 @@ def _refuse_missing(path: Path, chosen: Mapping[str, Column], values: Mapping[st
         missing = np.flatnonzero(~np.isfinite(value))
         if len(missing):
             more = f", like {rows(len(missing))} of {len(value):,}; leave them out" if len(missing) > 1 else ""
-            raise LogError(path, f"has no number{more}", f"row {missing[0] + 1}, {chosen[key].name}")
+            raise LogError(path, f"has no number{more}", f"{place_of_row(path, missing[0])}, {chosen[key].name}")
 
 
 def _ask_for_angles(path: Path, chosen: Mapping[str, Column], values: Mapping[str, Array]) -> None:
@@ -270,8 +271,8 @@ def _ask_for_angles(path: Path, chosen: Mapping[str, Column], values: Mapping[st
             )  # fmt: skip
 
 
-def _check_ranges(path: Path, chosen: Mapping[str, Column], values: Mapping[str, Array]) -> None:
-    """Refuse values that are no places, no attitudes and no sigmas."""
+def _check_ranges(path: Path, chosen: Mapping[str, Column], values: Mapping[str, Array], places: IndexArray) -> None:
+    """Refuse values that are no places, no attitudes and no sigmas; `places` are their rows in the file."""
     limits = {"latitude": (-90.0, 90.0), "longitude": (-360.0, 360.0), "pitch": (-90.0, 90.0)}
     for key in QUANTITIES:
         if key not in values:
@@ -289,5 +290,5 @@ def _check_ranges(path: Path, chosen: Mapping[str, Column], values: Mapping[str,
         if len(wrong):
             raise LogError(
                 path, f"got {shown[wrong[0]]:.9g}{unit}; {key.replace('_', ' ')} lies between {low:g} and {high:g}",
-                f"row {wrong[0] + 1}, {chosen[key].name}",
+                f"{place_of_row(path, places[wrong[0]])}, {chosen[key].name}",
             )  # fmt: skip

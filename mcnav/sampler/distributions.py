@@ -68,7 +68,7 @@ class Normal:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sigma) and self.sigma >= 0.0):
-            raise ValueError(f"sigma must not be negative; got {self.sigma:g}")
+            raise ValueError(f"a sigma must not be negative; got {self.sigma:g}")
         if not math.isfinite(self.mean):
             raise ValueError("mean must be finite")
 

@@ -133,7 +133,12 @@ class RunFolder:
         self.check_exists()
         manifest = self.manifest()
         if manifest is None:
-            raise RunFolderError(f"{self.path}: holds no run ({MANIFEST} is missing)")
+            lists = (
+                f"; mcnav report --index {self.path} lists the runs in it"
+                if any(self.path.glob(f"*/{MANIFEST}"))
+                else ""
+            )
+            raise RunFolderError(f"{self.path}: holds no run ({MANIFEST} is missing){lists}")
         return manifest
 
     def finished_manifest(self) -> Manifest:

@@ -90,8 +90,8 @@ def compare_filters(
     varied = VariedCampaign(noted_at_worst(campaign, list(plan.varied)))
     scenario = varied.campaign.scenario
     if not is_ins(scenario) or scenario.navigation.filter is None:
-        message = "there is no filter of an aided inertial navigation (type = 'ins' with [[aiding]] and [filter])"
-        raise CampaignError([Problem(varied.campaign.file, "filter", message)])
+        message = 'has no filter whose kinds could be compared; expected type = "ins" with [[aiding]] and [filter]'
+        raise CampaignError([Problem(varied.campaign.file, "", message)])
     samples = {} if plan.samples is None else {"samples": plan.samples}
     points = [(value, kind) for value in ([None] if variable is None else variable.values.tolist()) for kind in kinds]
     campaigns = []

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from mcnav.arrays.types import Array
+from mcnav.files.lines import place_of_row
 from mcnav.judgement.error_table import ErrorTable
 from mcnav.logs.log_error import LogError, listed
 from mcnav.logs.tables import read_table
@@ -50,8 +51,9 @@ def read_error_table(path: Path) -> ErrorTable:
                 break
     if times is None:
         raise LogError(path, f"has no column time; expected {EXPECTED}")
-    if not np.all(np.diff(times) > 0.0):
-        raise LogError(path, f"falls or repeats after row {int(np.argmin(np.diff(times) > 0.0)) + 1}", "time")
+    rising = np.diff(times) > 0.0
+    if not np.all(rising):
+        raise LogError(path, f"falls or repeats in {place_of_row(path, int(np.argmin(rising)) + 1)}", "time")
     errors, groups = _errors(path, kinds)
     innovations = {
         name: (values, _positive(path, f"innovation_sigma_{name}", kinds["innovation_sigma"].get(name)))
@@ -87,7 +89,7 @@ def _errors(
                 matrix[:, row, column] = matrix[:, column, row] = covariances[pairs[name, other]]
     definite = np.linalg.eigvalsh(matrix)[:, 0] > 0.0
     if not np.all(definite):
-        raise LogError(path, f"is not a covariance in row {int(np.argmin(definite)) + 1}", "covariance")
+        raise LogError(path, f"is not a covariance in {place_of_row(path, int(np.argmin(definite)))}", "covariance")
     return errors, {" and ".join(members): (members, matrix)}
 
 
@@ -98,5 +100,5 @@ def _positive(path: Path, name: str, values: Array | None) -> Array:
     wrong = ~(values > 0.0) & np.isfinite(values)
     if np.any(wrong):
         row = int(np.argmax(wrong))
-        raise LogError(path, f"got {values[row]:g} in row {row + 1}; expected sigmas above zero", name)
+        raise LogError(path, f"got {values[row]:g} in {place_of_row(path, row)}; expected sigmas above zero", name)
     return values

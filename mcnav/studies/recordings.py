@@ -14,7 +14,8 @@ from mcnav.arrays.types import Array
 from mcnav.config.read import Campaign
 from mcnav.contract.recorded import MeasurementFile, RecordedMeasurements, RecordedTrack, Recording
 from mcnav.contract.scenario import RecordingScenario, can_be_recorded
-from mcnav.errors import CampaignError, Problem
+from mcnav.errors import CampaignError, Problem, suggestion
+from mcnav.files.lines import place_of_row
 from mcnav.files.whole import write_texts
 from mcnav.logs.imu_log import read_imu_log, remark_on_axes
 from mcnav.logs.log_error import LogError
@@ -100,10 +101,8 @@ def read_recording(campaign: Campaign, files: RecordingFiles) -> tuple[Recording
     scenario = recordable(campaign)
     names = list(scenario.filter_schema.sensors) if scenario.filter_schema is not None else []
     if unknown := [name for name in files.measurements if name not in names]:
-        known = ", ".join(names) or "none"
-        raise LogError(
-            files.measurements[unknown[0]], f"is of {unknown[0]!r}, and the campaign has no such sensor; it has {known}"
-        )
+        message = f"no sensor of the campaign is named {unknown[0]!r}{suggestion(unknown[0], names)}"
+        raise CampaignError([Problem("--measurements", "", message)])
     measured_in = {**scenario.logs, **{name: MeasurementFile(path) for name, path in files.measurements.items()}}
     if not measured_in:
         known = " or ".join(f"--measurements {name}=FILE" for name in names)
@@ -250,7 +249,8 @@ def _tabulated(path: Path, named: Mapping[str, tuple[Array, str]], zero: float) 
     times = _in_si(path, "time", *named["time"], "s")
     rising = np.diff(times) > 0.0
     if not np.all(rising):
-        raise LogError(path, f"falls or repeats in row {int(np.argmin(rising)) + 2}; expected rising times", "time")
+        place = place_of_row(path, int(np.argmin(rising)) + 1)
+        raise LogError(path, f"falls or repeats in {place}; expected rising times", "time")
     return RecordedMeasurements(times - zero, values)
 
 
@@ -261,7 +261,7 @@ def _in_si(path: Path, name: str, values: Array, unit: str, wanted: str) -> Arra
     except (UnitError, ValueError) as problem:
         raise LogError(path, str(problem), name) from None
     if not np.all(np.isfinite(numbers)):
-        raise LogError(path, f"has no number in row {int(np.argmin(np.isfinite(numbers))) + 1}", name)
+        raise LogError(path, f"has no number in {place_of_row(path, int(np.argmin(np.isfinite(numbers))))}", name)
     return factor * numbers
 
 

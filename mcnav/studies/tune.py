@@ -176,7 +176,8 @@ class _Study:
         self.nominal, self._document = campaign, document_of(campaign)
         self._plain = BoxedCampaign(campaign)
         if not self._plain.ranges:
-            raise CampaignError([Problem(campaign.file, "", 'has no ranges such as bias = "0.5..2 deg/h" to tune for')])
+            message = 'has no ranges to tune for; give one such as bias = "0.5..2 deg/h" (mcnav docs howto-ranges)'
+            raise CampaignError([Problem(campaign.file, "", message)])
         self._answer = answer_linearly(campaign)
         if self._answer.filter is None:
             raise CampaignError([Problem(campaign.file, "filter", "this campaign has no filter to tune")])

@@ -316,6 +316,14 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--check"], "accept: is missing; --check needs requirements"),
         (["run", DEMO, "--known-ways"], "--known-ways: belongs to --check; add --check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
+        (["compare", "reports/" + DEMO.stem], "RUN: got one run; expected two or more; mcnav show prints the results"),
+        (
+            ["report", "reports"],
+            "reports: holds no run (manifest.json is missing); mcnav report --index reports lists the",
+        ),
+        (["report", "nowhere", "--foo"], "--foo: no such option; mcnav report --help"),
+        (["tune", DEMO], 'has no ranges to tune for; give one such as bias = "0.5..2 deg/h" (mcnav docs howto-ranges)'),
+        (["judge", DEMO, "--imu", "nolog.csv"], "expected"),
         (["compare", "nowhere"], "error: nowhere: holds no run (there is no such folder)"),
         (["lincov", "nowhere.toml", "--partials"], "error: nowhere.toml: no such file"),
     ],
@@ -380,7 +388,7 @@ def test_wrong_use(arguments: list[object], workplace: Path) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "status"),
-    [(["compare", "RUN"], 0), (["run", "nowhere.toml"], 2), (["run", DEMO, "--samples", 1], 2), (["fly"], 2)],
+    [(["show", "RUN"], 0), (["run", "nowhere.toml"], 2), (["run", DEMO, "--samples", 1], 2), (["fly"], 2)],
     ids=str,
 )
 def test_a_process_prints_what_its_command_does(arguments: list[object], status: int, workplace: Path) -> None:

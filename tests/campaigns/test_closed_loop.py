@@ -114,7 +114,7 @@ BIAS = {"sigma": "1 mrad", "correlation_time": "10 s"}
         ({"processes": {"bias": {**BIAS, "sigm": 3}}}, "processes.bias.sigm: unknown key of a Gauss-Markov process"),
         ({"processes": {"bias": {**BIAS, "sigma": "1 s"}}}, "processes.bias.sigma: got '1 s', which is a time; "),
         ({"processes": {"bias": {**BIAS, "correlation_time": "0 s"}}}, "processes.bias.correlation_time: got '0 s'"),
-        ({"measurements": {"sonar": "1 m"}}, "measurements.sonar: unknown measurement; expected one of"),
+        ({"measurements": {"sonar": "1 m"}}, "measurements.sonar: unknown measurement; expected encoder"),
         ({"filter": {"believe": {}}}, "filter.believe: unknown key of a closed loop's filter; did you"),
         ({"filter": {"believes": {"noise": {}}}}, "filter.believes.noise: unknown key of what a filter believes; exp"),
         ({"filter": {"believes": {"errors": {"x": "1 m"}}}}, "filter.believes.errors.x: unknown error source; "),

@@ -91,10 +91,13 @@ def test_distributions() -> None:
     ("path", "value", "line"),
     [
         ("errors.gyro_drift", "5 km", "errors.gyro_drift: got '5 km', which is a length; expected an angular rate"),
-        ("errors.altitude", "-5 km", "errors.altitude: got '-5 km'; sigma must not be negative"),
+        ("errors.altitude", "-5 km", "errors.altitude: got '-5 km'; a sigma must not be negative"),
         ("errors.altitud", "5 km", "errors.altitud: unknown error source; did you mean 'altitude'?"),
         ("errors.range", {"distribution": "gauss"}, "errors.range.distribution: got 'gauss'; expected one of normal"),
         ("errors.range", {"distribution": "uniform"}, "errors.range.half_width: is missing; a uniform distribution"),
+        ("errors.range", {"distribution": "uniform", "sigma": "1 km"},
+         "errors.range.sigma: unknown key of a uniform distribution; expected half_width"),
+        ("errors.misalignment", "400 deg", "errors.misalignment: got '400 deg'; at most 180 deg makes sense"),
         ("errors.range", {"sigma": "1 km", "width": 3}, "errors.range.width: unknown key of a normal distribution"),
         ("errors.range", {"distribution": "scipy.laplac"},
          "errors.range.distribution: got 'scipy.laplac'; scipy.stats has no continuous"),
@@ -129,7 +132,7 @@ def test_distributions() -> None:
         ("samples", {"until": 3, "at_most": 1000}, "samples.until: got 3; expected text in quotes"),
         ("samples", {"until": "sigma_ratio 1 %", "at_most": "many"}, "samples.at_most: got 'many'; expected a whole"),
         ("samples", {"until": "sigma_ratio 1 %", "at_most": 99, "atmost": 3},
-         "samples.atmost: unknown key; did you mean 'at_most'?"),
+         "samples.atmost: unknown key of a stopping rule; did you mean 'at_most'?"),
         ("seed", -1, "seed: got -1"),
         ("seed", 10**30, "seed: got 1000000000000000000000000000000"),
         ("design", "halton", "design: got 'halton'; expected 'random', 'antithetic', 'latin-hypercube' or"),
@@ -326,6 +329,9 @@ def test_a_stopping_rule() -> None:
     assert found.until == StoppingRule("sigma_ratio_paired", 0.005, 0.95, 50_000)
     assert found.samples == 50_000
     assert parse_campaign(tomllib.loads(found.to_toml()), "test.toml", "test").until == found.until
+    both = _mistakes(content(samples={"until": "1 %"}))
+    assert any("got '1 %'; expected a quantity" in line for line in both)
+    assert any("a stopping rule needs until and at_most" in line for line in both)
     (line,) = _mistakes(content(samples=rule, design="sobol"))
     assert line.startswith("test.toml: samples.until: needs design random or antithetic: the samples of sobol change")
 
@@ -339,7 +345,7 @@ def _table(path: Path, **entry: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("text", "entry", "line"),
     [
-        ("x\n1\n2\n", {"column": "y"}, "column: {} has no column 'y'; expected one of x"),
+        ("x\n1\n2\n", {"column": "y"}, "column: {} has no column 'y'; expected x"),
         ("x\n1\nb\n", {}, "column: {}, 'x': contains an entry that is not a number"),
         ('x\n1\n""\n3\n', {}, "column: {}, 'x': a value is missing or not finite"),
         ("x\n1\n1\n", {}, "column: {}, 'x': expected at least two different values"),

@@ -131,13 +131,16 @@ def test_without_noise_samples_have_no_linear_columns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"design": "sobol"}, "design: got 'sobol'; a net has no place for noise, so choose another design"),
+        (
+            {"design": "sobol"},
+            "design: got 'sobol', which cannot draw noise; expected one of random, antithetic, latin",
+        ),
         ({"errors": {"gyro_bias_x": "1 deg/h"}}, "errors.gyro_bias_x: is given in [imu] as well; keep one"),
         ({"errors": {"positon": "1 m"}}, "errors.positon: unknown error source"),
         ({"scenario": {"start": "-5 s"}}, "scenario.start: got -5 s; the trajectory has 0 to"),
         (
             {"scenario": {"start": "10 s", "end": "10.5 s"}},
-            "scenario.end: got 10.5 s with a start at 10 s; expected",
+            "scenario.end: got 10.5 s; expected at least 11 s, 1 s after the start",
         ),
         ({"scenario": {"platform": "gimbal"}}, "scenario.platform: got 'gimbal'"),
         ({"scenario": {"trajectory": "nowhere.csv"}}, "scenario.trajectory: nowhere.csv does not exist"),
@@ -153,7 +156,7 @@ def test_one_mistake_is_one_line(changes: dict[str, Any], line: str) -> None:
 
 def test_an_imu_belongs_to_this_type_alone() -> None:
     scenario = {"type": "cruise", "speed": "250 m/s", "duration": "1 h"}
-    with pytest.raises(CampaignError, match="imu: this scenario has no inertial measurement unit; leave it out"):
+    with pytest.raises(CampaignError, match="imu: this scenario has no inertial measurement unit; remove this table"):
         parse_campaign({"scenario": scenario, "imu": {}, "errors": {}}, "test.toml", "test")
 
 

@@ -205,7 +205,9 @@ def test_mistakes_are_one_line_each(tmp_path: Path) -> None:
     assert "mcnav judge needs CAMPAIGN and --imu FILE, or --errors TABLE" in refused("judge", campaign)
     assert "expected --measurements gnss=FILE" in refused("judge", campaign, "--imu", imu)
     named = ("judge", campaign, "--imu", imu, "--measurements")
-    assert "has no such sensor; it has gnss" in refused(*named, f"gps={gnss}")
+    assert "error: --measurements: no sensor of the campaign is named 'gps'; expected gnss" in refused(
+        *named, f"gps={gnss}"
+    )
     assert "expected NAME=VALUE" in refused(*named, "gnss")
     late = tmp_path / "late.csv"
     rows = gnss.read_text().splitlines()
@@ -254,8 +256,8 @@ def test_a_table_of_errors_is_judged_alone(tmp_path: Path) -> None:
     [
         ("time,north", "0,1\n1,1", "expected time, error_NAME with sigma_NAME"),
         ("time,error_north", "0,1\n1,1", "has no column sigma_north"),
-        ("time,error_north,sigma_north", "0,1,0\n1,1,1", "got 0 in row 1; expected sigmas above zero"),
-        ("time,error_north,sigma_north", "1,1,1\n0,1,1", "falls or repeats after row 1"),
+        ("time,error_north,sigma_north", "0,1,0\n1,1,1", "got 0 in line 2; expected sigmas above zero"),
+        ("time,error_north,sigma_north", "1,1,1\n0,1,1", "falls or repeats in line 3"),
     ],
 )
 def test_a_wrong_table_of_errors_is_refused(tmp_path: Path, header: str, values: str, message: str) -> None:

@@ -305,7 +305,7 @@ def test_what_is_declared_wrongly_is_told_in_one_line(message: str, tmp_path: Pa
 
 
 def test_what_noise_makes_meaningless_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CampaignError, match="a net has no place for noise"):
+    with pytest.raises(CampaignError, match="which cannot draw noise; expected one of random"):
         read_campaign(_written(tmp_path, top='design = "sobol"'))
     path = _written(tmp_path)
     mapped = in_process("run", path, "--engine", "map", "--out", tmp_path / "run")

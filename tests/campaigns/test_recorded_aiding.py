@@ -172,11 +172,17 @@ def test_gaps_of_a_log_are_outages_and_its_first_stamp_is_told(tmp_path: Path) -
     [
         ({"log": "none.pos"}, "aiding #1.log: {folder}/none.pos does not exist"),
         ({"log": "../gnss.pos"}, "must lie beside the campaign file"),
-        ({"log": "gnss.pos", "interval": "1 s"}, "has interval and log; expected interval"),
+        (
+            {"log": "gnss.pos", "interval": "1 s"},
+            'expected one of interval = "1 s", instants = ["600 s", "1200 s"], log = "gnss.pos"',
+        ),
         ({"log": "gnss.pos", "begin": "1 s"}, "aiding #1.begin: limits an interval; leave it out with log"),
         ({"interval": "1 s", "position": "1 m", "log_start": "1 s"}, "belongs to a log"),
         ({"log": "gnss.pos", "log_start": "1 d"}, "has no measurement from 0 s to"),
-        ({"log": "zero.pos"}, 'has a sigma of zero in row 2, one of 119; state a sigma instead: position = "…"'),
+        (
+            {"log": "zero.pos"},
+            'has a sigma of zero 1 s after its first time, one of 119; state a sigma instead: position = "…"',
+        ),
         ({"log": "gnss.csv"}, "gnss.csv has no sigmas; expected the sigma of position"),
         ({"log": "empty.pos"}, "empty.pos: is empty"),
         ({"log": "gnss.pos", "columns": {"time": "x"}}, "columns.time: has no column 'x'"),

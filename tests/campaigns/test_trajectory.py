@@ -113,7 +113,7 @@ def test_bad_input_is_told_in_one_line(tmp_path: Path) -> None:
     other.write_text('[scenario]\ntype = "hover"\nduration = "1 h"\n[errors]\ngyro_drift = "0.1 deg/h"\n')
     os.mkfifo(tmp_path / "pipe")
     cases = {
-        write_csv(tmp_path / "bad.csv", columns): "bad.csv: row 8, column time: got 0.6 s, the same time",
+        write_csv(tmp_path / "bad.csv", columns): "bad.csv: line 9, column time: got 0.6 s, the same time",
         tmp_path: "is a folder; expected a trajectory file",
         tmp_path / "missing.csv": "missing.csv: no such file; expected a trajectory as CSV or parquet",
         tmp_path / "missing.toml": "missing.toml: no such file",

@@ -95,7 +95,7 @@ AIDING = {
     ),
     "belief in a sensor that is not there": (
         AIDED + '[filter.believes.aiding.gps]\nposition = "9 m"\n',
-        "filter.believes.aiding.gps: no sensor has this name; expected one of gnss",
+        "filter.believes.aiding.gps: no sensor has this name; expected gnss",
     ),
     "an outage that does not begin": (
         AIDED.replace('"3 m"', '"3 m"\noutages = [["9 s", "3 s"]]'),
@@ -103,7 +103,7 @@ AIDING = {
     ),
     "not a number": (AIDED.replace('"3 m"', "nan"), "aiding #1.position: got nan without a unit; expected a length"),
     "infinite": (AIDED.replace('"1 s"', "inf"), "aiding #1.interval: got inf without a unit; expected a time"),
-    "of another scenario": (REENTRY + GNSS, "aiding: no known measurement updates the errors; type ins has sensors"),
+    "of another scenario": (REENTRY + GNSS, "aiding: this scenario has no sensors, which those of type"),
     "a requirement after the end": (
         AIDED + '[[accept.cep]]\noutputs = ["position_north", "position_east"]\nbelow = "9 m"\nat = "99999 s"\n',
         "accept.cep #1.at: got 99999 s; navigation is from ",

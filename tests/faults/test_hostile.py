@@ -181,7 +181,7 @@ def test_a_summary_of_anything(folder: Path) -> None:
         changed = copy.deepcopy(summary)
         set_at(changed, path, chance.choice(VALUES))
         (folder / "summary.json").write_text(json.dumps(changed))
-        done = in_process("compare", folder)
+        done = in_process("compare", folder, folder)
         assert done.exit_code in (0, 2), (path, done.output, done.exception)
         assert done.exit_code == 0 or len(done.stderr.splitlines()) == 1
 

@@ -252,7 +252,7 @@ def test_escapes_in_csv(base: Path, place: Path) -> None:
     for key in ("name", "lead"):
         text = text.replace(f'"{key}": "', f'"{key}": "\x9b\u202e')
     path.write_text(text)
-    done = invoke("compare", path.parent, "--format", "csv", cwd=place)
+    done = invoke("compare", path.parent, base / "runs" / "summary", "--format", "csv", cwd=place)
     assert "\\x9b\\u202e" in done.stdout
     assert all(line.isprintable() for line in done.stdout.split("\n"))
 

@@ -44,6 +44,7 @@ from mcnav.systems.faults import Fault
 from mcnav.systems.ins.tables.faults import (
     FAULTS,
     MOST_FAULTS,
+    NO_AIDING,
     BiasTable,
     RampTable,
     SpikeTable,
@@ -68,7 +69,7 @@ TABLES: Final[Mapping[str, FurtherTable]] = {
     "filter": FurtherTable(
         LoopFilterTable,
         "Error-state Kalman filter of an aided navigation, or beliefs of a closed loop's filter.",
-        f"{UNMEASURED}; type ins has sensors that do",
+        NO_AIDING,
     ),
     "imu": IMU,
     "faults": FurtherTable(FAULTS.form, FAULTS.description, FAULTS.absent),

@@ -455,9 +455,8 @@ class Ins(PlainScenario):
             if not first <= time <= last:
                 raise ScenarioError(key, f"got {time:g} s; the trajectory has {first:g} to {last:g} s")
         if navigation.end - navigation.start < SHORTEST:
-            raise ScenarioError(
-                "end", f"got {navigation.end:g} s with a start at {navigation.start:g} s; expected {SHORTEST:g} s more"
-            )
+            least = f"at least {navigation.start + SHORTEST:g} s, {SHORTEST:g} s after the start"
+            raise ScenarioError("end", f"got {navigation.end:g} s; expected {least}")
         self.navigation = navigation
         unscented = navigation.filter is not None and navigation.filter.kind == UKF
         self.revision = REVISION + 2 * navigation.measures_exactly + unscented

@@ -14,6 +14,7 @@ from mcnav.contract.questions import UNMEASURED
 from mcnav.errors import CampaignError
 from mcnav.systems.ins.scenario import Ins
 from mcnav.systems.ins.sensors.aiding import Sensor
+from mcnav.systems.ins.tables.faults import NO_AIDING
 from mcnav.systems.ins.tables.instants import MOST_MEASUREMENTS
 
 STATES = ["position", "velocity", "attitude"]
@@ -232,8 +233,8 @@ ODOMETER = {"type": "velocity", "interval": "1 s"}
         ({**GNSS, "name": "a" * 41}, "aiding #1.name: got 'aaaa"),
         ({**GNSS, "name": ["gnss"]}, "aiding #1.name: got ['gnss']; expected at most 40 letters"),
         ({**ALTIMETER, "name": "gyro"}, "aiding #1.name: got 'gyro'; other errors have the name gyro_bias already"),
-        (without(GNSS, "interval"), 'aiding #1: has no instants of measurements; expected interval = "1 s", or'),
-        ({**GNSS, "instants": ["9 s"]}, "aiding #1: has interval and instants; expected interval = "),
+        (without(GNSS, "interval"), 'aiding #1: has no times of measurements; expected one of interval = "1 s"'),
+        ({**GNSS, "instants": ["9 s"]}, "aiding #1: has interval and instants; expected one of interval = "),
         ({**GNSS, "interval": "0 s"}, "aiding #1.interval: got '0 s'; expected at least 0.001 s"),
         ({**GNSS, "interval": "-1 s"}, "aiding #1.interval: got '-1 s'; expected at least 0.001 s"),
         ({**GNSS, "interval": "1e-320 s"}, "aiding #1.interval: got '1e-320 s'; expected at least 0.001 s"),
@@ -381,7 +382,7 @@ def test_a_mistake_of_a_sensor_leaves_its_errors_alone() -> None:
 def test_other_scenarios_cannot_be_aided(kind: dict[str, Any]) -> None:
     found = mistakes({"scenario": kind, "errors": {}, "aiding": [GNSS], "filter": {"estimates": STATES}})
     assert [line.partition(";")[0] for line in found] == [
-        f"mine.toml: {name}: {UNMEASURED}" for name in ("aiding", "filter")
+        f"mine.toml: {name}: {NO_AIDING}" for name in ("aiding", "filter")
     ]
 
 

@@ -110,8 +110,9 @@ def test_other_scenarios_cannot_have_it() -> None:
     }  # fmt: skip
     with pytest.raises(CampaignError) as refused:
         parse_campaign(content, "mine.toml", "mine")
-    assert "gravity: this scenario has no gravity disturbance, which those of type ins can have; leave it out" in str(
-        refused.value
+    assert (
+        "gravity: this scenario has no gravity disturbance, which those of type ins can have; remove this table"
+        in str(refused.value)
     )
 
 

@@ -81,7 +81,7 @@ def test_campaigns_without_ranges_are_the_same_object_content() -> None:
         ({"errors": {"altitude": "5..1 km"}}, "errors.altitude: got '5..1 km', which is empty"),
         ({"errors": {"altitude": "1 m..2 deg"}}, "errors.altitude: 'm' is a length"),
         ({"errors": {"altitude": "1..2 deg"}}, "errors.altitude: got '1..2 deg', which is an angle"),
-        ({"errors": {"altitude": "-1..2 km"}}, "errors.altitude: got '-1..2 km'; sigma must not be negative"),
+        ({"errors": {"altitude": "-1..2 km"}}, "errors.altitude: got '-1..2 km'; a sigma must not be negative"),
         (
             {
                 "errors": {"altitude": "1 km"},

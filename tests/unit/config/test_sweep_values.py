@@ -66,7 +66,7 @@ def test_values_are_written_as_a_campaign_file_has_them() -> None:
         ("1..2..3 deg/h", "expected a range such as"),
         ("one..two", "expected a range such as"),
         ("", "expected a range such as"),
-        ("1 deg/h", "expected at least two different values"),
+        ("1 deg/h", "got '1 deg/h'; expected at least two different values: a range such as"),
         ("1, 1 deg/h", "expected at least two different values"),
         ("1, 1, 2 deg/h", "a value occurs twice"),
         ("1 km..2 deg/h", "'km' is a length; expected an angular rate"),

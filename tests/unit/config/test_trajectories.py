@@ -176,7 +176,7 @@ def test_bad_files_name_file_row_and_column(tmp_path: Path) -> None:
     write_csv(tmp_path / "bad.csv", columns)
     message = refused("bad.csv", tmp_path)
     assert message.startswith(
-        f"mine.toml: scenario.trajectory: {tmp_path / 'bad.csv'}: row 6, column alt: got no number"
+        f"mine.toml: scenario.trajectory: {tmp_path / 'bad.csv'}: line 7, column alt: got no number"
     )
     os.mkfifo(tmp_path / "pipe.csv")
     assert "is not a regular file" in refused("pipe.csv", tmp_path)

@@ -135,7 +135,7 @@ WRONG: list[tuple[str, object, str]] = [
     ("counted", {"sigmas": "1 m"}, "counted.sigmas: unknown key; did you mean 'sigma'?"),
     ("move", {"hop": "1 m", "spin": 1}, "move: got hop and spin; it is one of hop, spin"),
     ("move", {"hopp": "1 m"}, "move: has no kind: got hopp; did you mean 'hop'?"),
-    ("move", {"hop": "1 m", "left": 1}, "move.left: unknown key; expected one of hop"),
+    ("move", {"hop": "1 m", "left": 1}, "move.left: unknown key; expected hop"),
     ("move", {"spin": 1, "left": 1, "right": 1}, "move.right: got with a left; keep one"),
     ("move", 3, "move: got 3; expected a table"),
     ("form", {"type": "rounded"}, "form.type: got 'rounded'; did you mean 'round'?"),

@@ -25,7 +25,7 @@ def total(errors: Any) -> Any:
 
 
 MISTAKES: dict[str, tuple[Callable[[], Any], str]] = {
-    "negative": (lambda: mc.Errors({"a": "-5 km"}), "a: sigma must not be negative; got -5000"),
+    "negative": (lambda: mc.Errors({"a": "-5 km"}), "a: a sigma must not be negative; got -5000"),
     "list": (lambda: mc.Errors(["a"]), "Errors needs a mapping of one or more error sources"),  # type: ignore[arg-type]
     "none drawn": (lambda: ERRORS.draw(0), "samples must be a whole number of at least 2; got 0"),
     "text": (lambda: mc.Errors({"a": 1, "b": 1}, {("a", "b"): "0.3"}), "expected -1 to 1; got '0.3'"),  # type: ignore[dict-item]

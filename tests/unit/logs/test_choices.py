@@ -112,4 +112,4 @@ def test_decimals_after_commas_are_read(tmp_path: Path, delimiter: str) -> None:
     np.testing.assert_array_equal(log.gyro, plain.gyro)
     lines[4] = lines[4].replace(delimiter, f"{delimiter}x", 1)
     wrong = refused(written(tmp_path, "c.csv", [delimiter.join(names), *lines]), read_imu_log)
-    assert "row 5, gyro_x [rad/s]: got 'x" in wrong
+    assert "line 6, gyro_x [rad/s]: got 'x" in wrong

@@ -116,7 +116,7 @@ def test_bad_position_files_are_refused_in_one_line(tmp_path: Path) -> None:
     assert "has no positions" in refused(written(tmp_path, "a.pos", [head]))
     rows = pos_rows(dates())
     assert "line 3: has 4 columns; expected 15" in refused(written(tmp_path, "a.pos", [head, rows[0], rows[1][:50]]))
-    assert "row 2, latitude(deg): got 'x'" in refused(
+    assert "line 3, latitude(deg): got 'x'" in refused(
         written(tmp_path, "a.pos", [head, rows[0], rows[1].replace("47.000010000", "x")])
     )
     baselines = "%  GPST e-baseline(m) n-baseline(m) u-baseline(m) Q ns sde sdn sdu sden sdnu sdue age ratio"
@@ -382,7 +382,7 @@ def test_tracks_in_tables_ask_for_what_their_names_do_not_tell(tmp_path: Path) -
     check(read_track(tmp_path / "c.csv", named, {"position": "rad"}))
     rows[5, 2] = np.nan
     np.savetxt(tmp_path / "d.csv", rows, "%.17g", ",", header="t,lat,lon,h", comments="")
-    assert "row 6, lon: has no number" in refused(tmp_path / "d.csv")
+    assert "line 7, lon: has no number" in refused(tmp_path / "d.csv")
 
 
 def test_tracks_in_nautical_miles_and_knots(tmp_path: Path) -> None:

@@ -140,10 +140,10 @@ def test_ambiguous_columns_are_refused_with_a_mapping_to_paste(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("falling", "row 101, time: got -0.5 s from the start after 0.495 s"),
-        ("repeated", "row 101, time: repeats the time of the row before, 0.495 s from the start, with other values"),
-        ("missing", "row 101, time: has no time; leave the row out"),
-        ("empty cells", "row 101, gyro_y: has no number, like 300 rows of 400; leave them out"),
+        ("falling", "line 102, time: got -0.5 s from the start after 0.495 s"),
+        ("repeated", "line 102, time: repeats the time of the row before, 0.495 s from the start, with other values"),
+        ("missing", "line 102, time: has no time; leave the row out"),
+        ("empty cells", "line 102, gyro_y: has no number, like 300 rows of 400; leave them out"),
         ("deg", 'units = { gyro = "deg/s" }'),
         ("g", 'units = { accelerometer = "g" }'),
         ("ms", 'units = { time = "ms" }'),
@@ -184,7 +184,7 @@ def test_gaps_repeated_rows_missing_readings_and_saturation_are_noted(tmp_path: 
     rows[250, 2] = np.nan
     rows[300:310, 3] = rows[:, 3].max() + 0.01
     notes = read_imu_log(write(tmp_path, rows, form="%.15g")).notes
-    assert notes[0] == "1 row of 400 left out, without a reading (first row 251, gyro_y)"
+    assert notes[0] == "1 row of 400 left out, without a reading (first line 252, gyro_y)"
     assert notes[1] == "1 row left out, the same as the one before"
     assert notes[2] == "3 gaps, the longest of 0.505 s after 0.995 s; 102 rows missing"
     assert notes[-1].startswith("gyro_z saturates at")
@@ -222,8 +222,8 @@ def test_gravity_tells_axes_that_are_swapped() -> None:
         ("\n\n", "is empty"),
         ("# a comment\n", "has no rows, only comments"),
         ("time,gyro_x,gyro_y,gyro_z\n", "has a line of names and no rows"),
-        ("time,gyro_x,gyro_y,gyro_z\n1,2,3,4\n2,3,x,4\n", "row 2, gyro_y: got 'x'; expected a number"),
-        ("time,gyro_x,gyro_y,gyro_z\n1,2,3,4\n2,3,4\n", "row 2: has 3 columns; expected 4"),
+        ("time,gyro_x,gyro_y,gyro_z\n1,2,3,4\n2,3,x,4\n", "line 3, gyro_y: got 'x'; expected a number"),
+        ("time,gyro_x,gyro_y,gyro_z\n1,2,3,4\n2,3,4\n", "line 3: has 3 columns; expected 4"),
         ("time,gyro_x,gyro_y,gyro_y\n1,2,3,4\n", "has 2 columns 'gyro_y'"),
         ("\0\1\2", "is no text"),
     ],
@@ -239,7 +239,7 @@ def test_a_file_of_a_thousand_million_rows_is_refused_before_it_is_read(tmp_path
     with path.open("r+b") as file:
         file.truncate(path.stat().st_size // (3 * ROWS) * 1_000_000_000)  # a sparse file
     assert "at most 60,000,000 are read, so give a part of it" in refused(path)
-    assert "no such file" in refused(tmp_path / "none.csv")
+    assert "no such file; expected a recorded file (.csv, " in refused(tmp_path / "none.csv")
     assert "is a folder" in refused(tmp_path)
 
 

@@ -50,7 +50,7 @@ def test_forms_of_a_size(size: Any, sigma: float, unit: str) -> None:
         (True, "source: got True; expected an SI number, text with a unit"),
         (None, "source: got None; expected an SI number"),
         (math.nan, "source: got nan; expected a finite number"),
-        (-1.0, "source: sigma must not be negative"),
+        (-1.0, "source: a sigma must not be negative"),
         ("5 parsecks", "source: 'parsecks' is not a known unit"),
         ("km", "source: got 'km'; expected a quantity"),
         ("5 K", "source: 'K' is not a known unit"),

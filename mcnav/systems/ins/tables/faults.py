@@ -98,10 +98,13 @@ AnyFault: Final[Any] = Annotated[
 ]
 FORM: Final = TypeAdapter[SpikeTable | RampTable | BiasTable | OutageTable](AnyFault)
 
+NO_AIDING: Final = 'this scenario has no sensors, which those of type "ins" can have'
+"""Why a campaign has no tables of sensors, of their faults and of a filter."""
+
 FAULTS: Final = FurtherTable(
     Annotated[list[AnyFault], Field(max_length=MOST_FAULTS)],
     "Faults of the sensors that aid the navigation; needs [[aiding]].",
-    f"{UNMEASURED}; type ins has sensors, which can fail",
+    NO_AIDING,
     "aiding",
     f"{UNMEASURED}; needs [[aiding]], the sensors that fail",
 )

@@ -132,8 +132,10 @@ class InstantRule:
         """See `Rule`."""
         ways = [name for name in WAYS if name in given]
         if len(ways) != 1:
-            came = f"has {' and '.join(ways)}" if ways else "has no instants of measurements"
-            return Mistake(f'{came}; expected interval = "1 s", or instants = ["600 s", "1200 s"]')
+            came = f"has {' and '.join(ways)}" if ways else "has no times of measurements"
+            return Mistake(
+                f'{came}; expected one of interval = "1 s", instants = ["600 s", "1200 s"], log = "gnss.pos"'
+            )
         limits = [name for name in ("begin", "end") if name in given and "interval" not in ways]
         if limits:
             return Mistake(f"limits an interval; leave it out with {ways[0]}", (limits[0],))

@@ -154,7 +154,8 @@ def _sigmas(
         chosen = values[places][:, 2:] if quantity == "altitude" else values[places]
         zero = np.flatnonzero(np.any(chosen <= 0.0, axis=1))
         if len(zero):
-            came = f"{table.log} has a sigma of zero in row {places[zero[0]] + 1}, one of {len(zero)}"
+            since = seconds(float(log.time[places[zero[0]]]))
+            came = f"{table.log} has a sigma of zero {since} after its first time, one of {len(zero)}"
             context.problem(f"{key}.log", f'{came}; state a sigma instead: {measured} = "…"')
         result[quantity] = chosen * table.log_factor
     return result

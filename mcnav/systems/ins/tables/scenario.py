@@ -26,7 +26,7 @@ from mcnav.systems.ins.recognition import is_ins
 from mcnav.systems.ins.scenario import NAVIGATION_ERRORS, SOURCES, Ins, Navigation
 from mcnav.systems.ins.tables.aiding import Aiding, read_aiding, with_gate
 from mcnav.systems.ins.tables.error_names import error_patterns
-from mcnav.systems.ins.tables.faults import FAULTS, read_faults
+from mcnav.systems.ins.tables.faults import FAULTS, NO_AIDING, read_faults
 from mcnav.systems.ins.tables.filter import (
     FilterPlan,
     FilterTable,
@@ -217,8 +217,6 @@ def check_alone(context: FileContext) -> None:
         validate_entry(TypeAdapter(Sensors), sensors, context, "aiding")
     _check_filter_and_faults(context)
 
-
-NO_AIDING: Final = f"{UNMEASURED}; type ins has sensors that do"
 
 INS: Final = ScenarioType(
     InsTable,

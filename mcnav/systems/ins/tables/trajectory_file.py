@@ -110,8 +110,11 @@ def read_trajectory_file(
     if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
         raise TrajectoryError("has changed while it was read; run the command again")
     read = _read_parquet if content.startswith(PARQUET) else _read_csv
-    rows = _rows_of(read(content, columns or {}))
-    check_rows(rows, earth)
+    try:
+        rows = _rows_of(read(content, columns or {}))
+        check_rows(rows, earth)
+    except TrajectoryError as wrong:
+        raise wrong.of_file(path) from None
     return rows
 
 

@@ -1,17 +1,19 @@
 """The rows of a trajectory, and the checks that they describe a flight which can be interpolated.
 
-Rows are counted from one, without the header.
+Rows are counted from one, without the header; `TrajectoryError.of_file` names the line of a text file.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcnav.arrays.types import Array
+from mcnav.files.lines import place_of_row
 from mcnav.physics.constants import STANDARD_GRAVITY
 from mcnav.physics.units import printable
 from mcnav.systems.ins.earth import Earth, local_axes
@@ -85,12 +87,22 @@ class TrajectoryError(ValueError):
     ----------
     place : str
         Row and column, such as ``row 12, column lat``; empty for the whole.
+    row : int or None
+    column : str
+    message : str
+        What is wrong, without the place.
     """
 
-    def __init__(self, message: str, row: int | None = None, column: str = "") -> None:
-        parts = ("" if row is None else f"row {row:,}", column and f"column {column}")
+    def __init__(self, message: str, row: int | None = None, column: str = "", path: Path | None = None) -> None:
+        self.message, self.row, self.column = message, row, column
+        where = "" if row is None else f"row {row:,}" if path is None else place_of_row(path, row - 1)
+        parts = (where, column and f"column {column}")
         self.place = ", ".join(filter(None, parts))
         super().__init__(printable(": ".join(filter(None, (self.place, message))), LONGEST_MESSAGE))
+
+    def of_file(self, path: Path) -> TrajectoryError:
+        """Return the same error with the row as a line of a file, if the file is a text."""
+        return TrajectoryError(self.message, self.row, self.column, path)
 
 
 @dataclass(frozen=True)
