@@ -71,6 +71,32 @@ def worst(found: tuple[LinearRequirement, ...], goal: Goal) -> LinearRequirement
     return min((found[number] for number in goal.requirements), key=lambda each: each.margin)
 
 
+def test_a_sweep_is_named_where_it_makes_the_same_change() -> None:
+    """It is none of a mean that changes with its sigma, nor of a kind of errors with an axis of its own."""
+    content: Entries = {
+        "scenario": {"type": "reentry", "trajectory": 4},
+        "errors": {"bias_x": {"sigma": "100 ug", "mean": "30 ug"}},
+        "accept": {"quantile": [{"output": "range", "probability": 0.9, "below": "30 km"}]},
+    }
+    (goal,) = allocate(content, confirm=0).goals
+    change = next(change for change in goal.changes if change.label == "errors.bias_x")
+    assert (change.now, change.swept) == ("sigma 100 ug, mean 30 ug", "")
+    assert change.needed.startswith("sigma ")
+    assert ", mean " in change.needed
+    content["errors"]["bias_x"] = "100 ug"
+    (goal,) = allocate(content, confirm=0).goals
+    change = next(change for change in goal.changes if change.label == "errors.bias_x")
+    assert change.swept == f"100 ug, {change.needed}"
+    still = hover("1 km") | {"errors": {"position": "2 km", "position_down": "1 km"}} | {
+        "scenario": {"type": "ins", "trajectory": fixed("")["scenario"]["trajectory"]},
+        "accept": {"quantile": [{"output": "position_east", "probability": 0.9, "below": "1 km"}]},
+    }  # fmt: skip
+    (goal,) = allocate(still, confirm=0).goals
+    change = next(change for change in goal.changes if change.label == "errors.position")
+    assert change.reached
+    assert change.swept == ""
+
+
 @pytest.mark.parametrize("limit", [500.0, 50_000.0])
 def test_drift_of_a_platform_at_rest(limit: float) -> None:
     """The range error is R eps (t - sin(w t) / w): the drift that leaves 1.96 sigma at the limit follows."""
