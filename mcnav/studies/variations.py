@@ -139,7 +139,8 @@ class Variations:
                     times = scenario.reading_times
                     questions[key] = CovarianceQuestion(scenario, times, errors.mean, errors.covariance)
                 else:
-                    self._known[key] = answer_linearly(self._shared.along(campaign)).requirements
+                    answer = answer_linearly(self._shared.along(campaign), by_cause=loop_of(scenario) is None)
+                    self._known[key] = answer.requirements
             except CampaignError:
                 self._known[key] = None
         self._progress.advance(len(asked))
