@@ -68,6 +68,9 @@ class NumberChange:
     linearity : str
         Whether linear analysis holds then: ``holds``, ``does not hold``, ``cannot say``; empty where no flight has
         examined it.
+    swept : str
+        Values of a sweep of its key, from the present one to that needed. Empty where no sweep makes the same change:
+        of several numbers, of axes, and of a distribution with more than its size to change.
     """
 
     label: str
@@ -79,6 +82,7 @@ class NumberChange:
     result: LinearRequirement
     simulated: RequirementEntry | None = None
     linearity: str = ""
+    swept: str = ""
 
     @property
     def reached(self) -> bool:

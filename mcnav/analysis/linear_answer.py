@@ -286,7 +286,7 @@ class LinearAnswer:
         history = self.smoothed if judged.requirement.of and self.smoothed is not None else self.history
         at = int(history.settled[np.argmin(np.abs(history.readings.times[history.settled] - judged.time))])
         variances, means = (
-            {name: values[at] for name, values in parts.items()} for parts in (history.variances, history.means)
+            {name: values[at] for name, values in parts.items()} for parts in (history.attributed, history.means)
         )
         nominal = history.readings.nominal
         mean, means = self._departures(history.mean[at], None if nominal is None else nominal[at], means)
@@ -302,8 +302,8 @@ class LinearAnswer:
 
 
 def causes_at(covariance: LinearCovariance, reading: int, output: int) -> tuple[Cause, ...]:
-    """List the causes of the variance of an output at a reading."""
-    variances = {name: values[reading, [output]] for name, values in covariance.variances.items()}
+    """List the causes of the variance of an output at a reading, each with half of what its correlations add."""
+    variances = {name: values[reading, [output]] for name, values in covariance.attributed.items()}
     return causes_of(variances, {}, float(covariance.sigma[reading, output] ** 2))
 
 

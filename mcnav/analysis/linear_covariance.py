@@ -57,6 +57,8 @@ class LinearCovariance:
         Contribution of correlations between sources; with the others it adds up to the variance.
     means : mapping of str to ndarray, shape (r, outputs)
         Mean error that the mean of each source causes, of those that have one, by name; and the nominal errors.
+    attributed : mapping of str to ndarray, shape (r, outputs)
+        ``variances`` with half of what correlations add, ``P_ij (P S)_ij`` of a source: they add up to the variance.
     """
 
     readings: LinearSystem
@@ -67,6 +69,7 @@ class LinearCovariance:
     variances: Mapping[str, Array]
     correlations: Array
     means: Mapping[str, Array] = field(default_factory=dict)
+    attributed: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def settled(self) -> IndexArray:
@@ -99,8 +102,12 @@ def covariance_over_time(
         name: by_source[:, :, number] for number, name in enumerate(sources) if covariance[number, number] > 0.0
     }
     correlations = transformed_variances(partials, covariance) - by_source.sum(axis=2)
-    for name, added in readings.processes.items():
-        variances[name] = np.diagonal(added, axis1=1, axis2=2)
+    attributed = variances
+    if np.any(covariance != np.diag(np.diag(covariance))):
+        crossed = partials * (partials @ covariance)
+        attributed = {name: crossed[:, :, number] for number, name in enumerate(sources) if name in variances}
+    noise = {name: np.diagonal(added, axis1=1, axis2=2) for name, added in readings.processes.items()}
+    variances, attributed = variances | noise, attributed | noise
     total = correlations + sum(variances.values(), np.zeros(partials.shape[:2]))
     own = None if readings.own is None else np.sqrt(np.maximum(np.diagonal(readings.own, axis1=1, axis2=2), 0.0))
     whole = readings.covariance(covariance)
@@ -109,4 +116,4 @@ def covariance_over_time(
     whole_mean = partials @ mean
     if readings.nominal is not None and np.any(readings.nominal):
         means[NOMINAL], whole_mean = readings.nominal, whole_mean + readings.nominal
-    return LinearCovariance(readings, whole_mean, whole, sigma, own, variances, correlations, means)
+    return LinearCovariance(readings, whole_mean, whole, sigma, own, variances, correlations, means, attributed)

@@ -98,4 +98,5 @@ def picked(covariance: LinearCovariance, at: NDArray[np.bool_]) -> LinearCovaria
         variances={name: values[at] for name, values in covariance.variances.items()},
         correlations=covariance.correlations[at],
         means={name: values[at] for name, values in covariance.means.items()},
+        attributed={name: values[at] for name, values in covariance.attributed.items()},
     )

@@ -93,12 +93,11 @@ def after_lincov(campaign: Path, answer: LinearAnswer) -> str:
 
 
 def after_allocation(campaign: Path, result: Allocation) -> str:
-    """Return the command after an allocation: the number of the smallest change, varied as far as it has to change."""
-    changes = (change for goal in result.goals for change in goal.changes if change.now and change.needed)
-    change = next((change for change in changes if change.now != change.needed), None)
+    """Return the command after an allocation: the smallest change that a sweep makes, or else a run."""
+    change = next((change for goal in result.goals for change in goal.changes if change.swept), None)
     if change is None:
         return written("run", campaign)
-    return written("sweep", campaign, "--vary", f"{change.paths[0]}={change.now}, {change.needed}", "--confirm", 2)
+    return written("sweep", campaign, "--vary", f"{change.paths[0]}={change.swept}", "--confirm", 2)
 
 
 def after_sweep(campaign: Path, folder: Path, vary: Sequence[str], against: Sequence[str], confirm: int | None) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from mcnav.config.overrides import ALL_AXES, SIZES, Value
 from mcnav.contract.quantities import Source
@@ -143,10 +143,12 @@ def is_by_axis(entry: Mapping[str, Any]) -> bool:
 
 
 def shown(entry: Value) -> str:
-    """Write the size of an entry.
+    """Write the size of an entry, with all keys that are multiplied where a table has more than its size.
 
     >>> shown({"sigma": "0.003 deg/h", "correlation_time": "1 h"}), shown({"x": "1 m", "y": "2 m"})
     ('0.003 deg/h', 'x 1 m, y 2 m')
+    >>> shown({"mean": "3 m", "sigma": "1 m"})
+    'sigma 1 m, mean 3 m'
     """
     if isinstance(entry, list):
         return ", ".join(shown(item) for item in entry)
@@ -154,8 +156,10 @@ def shown(entry: Value) -> str:
         return str(entry)
     if is_by_axis(entry):
         return ", ".join(f"{axis} {shown(item)}" for axis, item in entry.items())
-    sizes = [name for name in SIZES if name in entry]
-    return shown(entry[sizes[0]]) if sizes else str(entry)
+    scaled = [name for name in SCALED if name in entry]
+    if len(scaled) > 1:
+        return ", ".join(f"{name} {shown(entry[name])}" for name in scaled)
+    return shown(entry[scaled[0]]) if scaled else str(entry)
 
 
 def data_sheet_numbers(content: Mapping[str, Any], sources: tuple[Source, ...]) -> list[DataSheetNumber]:
@@ -290,9 +294,21 @@ def next_grade(number: DataSheetNumber, finer: bool) -> GradedValue | None:
         if entry is None or size is None:
             continue
         if size < present * (1.0 - 1e-9) if finer else size > present * (1.0 + 1e-9):
-            axes = number.entry if isinstance(number.entry, dict) and is_by_axis(number.entry) else None
-            return GradedValue(unit.name, entry if axes is None else dict.fromkeys(axes, entry))
+            return GradedValue(unit.name, _moved(number.entry, entry, finer, instrument, key))
     return None
+
+
+def _moved(present: Any, graded: Value, finer: bool, instrument: str, key: str) -> Value:
+    """Return an entry moved to the value of a grade; axes that are as fine already, or as coarse, keep their own."""
+    if isinstance(present, list):
+        moved = [_moved(item, graded, finer, instrument, key) for item in present]
+        return graded if all(item == graded for item in moved) else moved
+    if isinstance(present, dict) and is_by_axis(present):
+        return {axis: _moved(item, graded, finer, instrument, key) for axis, item in present.items()}
+    own, new = (largest_size(entry, instrument, key) for entry in (present, graded))
+    if own is None or new is None or (new < own if finer else new > own):
+        return graded
+    return cast("Value", present)
 
 
 def largest_size(entry: Any, instrument: str, key: str) -> float | None:

@@ -10,6 +10,7 @@ from typing import Final
 
 from mcnav.analysis.allocation import LEAST, MOST, Goal, NumberChange, critical_multiple, nearest_multiple, worst_of
 from mcnav.config.data_sheet import DataSheetNumber, round_down, round_up
+from mcnav.config.overrides import override
 from mcnav.studies.variations import Variations, values_of
 from mcnav.systems.ins.tables.imu_catalogue import NAMES
 
@@ -92,8 +93,13 @@ def find_change(
             break
         rounded = _rounded(alone, rounded * (1.0 + STEP if grows else 1.0 - STEP), grows)
     result = variations.worst(judged or variations.base.requirements, goal)
-    needed = "" if alone is None else replace(alone, entry=alone.multiplied(rounded)[alone.path]).text
-    return NumberChange(label, paths, now, needed, rounded, rounded, result)
+    if alone is None:
+        return NumberChange(label, paths, now, "", rounded, rounded, result)
+    values = alone.multiplied(rounded)
+    needed = replace(alone, entry=values[alone.path]).text
+    alike = override(variations.content, {alone.path: needed}) == override(variations.content, values)
+    swept = f"{now}, {needed}" if alike and needed != now else ""
+    return NumberChange(label, paths, now, needed, rounded, rounded, result, swept=swept)
 
 
 def _rounded(alone: DataSheetNumber | None, factor: float, grows: bool) -> float:

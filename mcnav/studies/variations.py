@@ -25,6 +25,7 @@ from mcnav.errors import CampaignError
 from mcnav.execution.progress import Progress
 from mcnav.studies.linear_answers import answer_linearly
 from mcnav.studies.lockstep import Unanswered, Values, in_lockstep
+from mcnav.studies.shared_derivatives import SharedDerivatives, loop_of
 
 Requirements = tuple[LinearRequirement, ...]
 Result = TypeVar("Result")
@@ -46,6 +47,7 @@ class Variations:
         self.scales = tuple(scales)
         self._limits = [record.limits for record in self.read({}).requirements]
         self.campaign = self.at({})
+        self._shared = SharedDerivatives(self.campaign)
         self.base = answer_linearly(self.campaign)
         self.numbers = data_sheet_numbers(self.content, self.campaign.scenario.sources)
         self.beliefs = believed_numbers(self.content) if self.closed_loop else []
@@ -89,9 +91,10 @@ class Variations:
 
     @property
     def closed_loop(self) -> bool:
-        """Return whether a filter's gains depend on the numbers."""
+        """Return whether a filter's gains depend on the numbers; that of a user's class knows none of them."""
         scenario = self.campaign.scenario
-        return knows_covariance(scenario) and scenario.filter_schema is not None
+        tuned = knows_covariance(scenario) or loop_of(scenario) is not None
+        return tuned and scenario.filter_schema is not None
 
     def judged(self, values: Values) -> Requirements | None:
         """Judge the requirements with some keys set; none where the campaign is refused then."""
@@ -136,7 +139,8 @@ class Variations:
                     times = scenario.reading_times
                     questions[key] = CovarianceQuestion(scenario, times, errors.mean, errors.covariance)
                 else:
-                    self._known[key] = answer_linearly(campaign).requirements
+                    answer = answer_linearly(self._shared.along(campaign), by_cause=loop_of(scenario) is None)
+                    self._known[key] = answer.requirements
             except CampaignError:
                 self._known[key] = None
         self._progress.advance(len(asked))

@@ -71,9 +71,7 @@ def explain(result: RequirementResult, linear: RecordedModel, beyond: BeyondRang
         nominal = model.nominal
         added = {name: np.diag(process) for name, process in model.processes.items()}
     names = [source.name for source in record.sources]
-    # half of what its correlations add is a source's own at the end, and over time no source's, as in `mcnav lincov`
-    crossed = model.covariance if not result.requirement.epochs else np.diag(np.diag(model.covariance))
-    parts = partials * (partials @ crossed)
+    parts = partials * (partials @ model.covariance)  # with half of what correlations add, as in `mcnav lincov`
     variances = {name: parts[:, k] for k, name in enumerate(names) if parts[:, k].any()} | added
     means = {name: partials[:, k] * model.mean[k] for k, name in enumerate(names) if model.mean[k]}
     means[NOMINAL] = departures(record.outputs, nominal, nominal)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 import tomllib
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import tomli_w
 from scipy import special
 
 import mcnav
@@ -69,6 +72,68 @@ def factor_of(goal: Goal, label: str) -> float:
 
 def worst(found: tuple[LinearRequirement, ...], goal: Goal) -> LinearRequirement:
     return min((found[number] for number in goal.requirements), key=lambda each: each.margin)
+
+
+def constant_sigma(constant: float) -> float:
+    """Return the true sigma of `ranging.py` after 120 s: a drift of 2 m and 60 s, taken for 1 m and 20 s."""
+    fade, believed = math.exp(-1.0 / 60.0), math.exp(-1.0 / 20.0)
+    claimed, true = np.diag([constant**2, 1.0]), np.diag([constant**2, 4.0, 0.0])  # of the constant's error, the drift,
+    for _ in range(120):  # and its estimate
+        claimed = np.diag([1.0, believed]) @ claimed @ np.diag([1.0, believed]) + np.diag([0.0, 1.0 - believed**2])
+        moved = np.diag([1.0, fade, believed])
+        true = moved @ true @ moved + np.diag([0.0, 4.0 * (1.0 - fade**2), 0.0])
+        gain = claimed.sum(axis=1) / (claimed.sum() + 1.0)
+        claimed = claimed - np.outer(gain, claimed.sum(axis=0))
+        added = np.array([gain[0], 0.0, gain[1]])
+        update = np.eye(3) + np.outer(added, [-1.0, 1.0, -1.0])
+        true = update @ true @ update.T + np.outer(added, added)
+    return math.sqrt(true[0, 0])
+
+
+def test_numbers_of_a_loop_tune_its_filter(tmp_path: Path) -> None:
+    """A constant of 100 m has to be known to 0.75 m: held gains would not heed that it is, and call it in vain."""
+    content: Entries = {
+        "scenario": {"type": "ranging.py:Ranging"},
+        "errors": {"constant": "100 m"},
+        "processes": {"drift": {"sigma": "2 m", "correlation_time": "60 s"}},
+        "measurements": {"range": "1 m"},
+        "filter": {"believes": {"processes": {"drift": {"sigma": "1 m", "correlation_time": "20 s"}}}},
+        "accept": {"quantile": [{"output": "constant", "probability": 0.95, "below": "2 m"}]},
+    }
+    shutil.copy(CAMPAIGNS / "ranging.py", tmp_path)
+    path = tmp_path / "ranging.toml"
+    path.write_text(tomli_w.dumps(content), encoding="utf-8")
+    (goal,) = allocate(path, confirm=0).goals
+    needed = 100.0 * factor_of(goal, "errors.constant")
+    assert 1.99 < float(special.ndtri(0.975)) * constant_sigma(needed) <= 2.0  # three digits of the number
+    assert math.isnan(factor_of(goal, "measurements.range"))
+    assert "filter.believes.processes.drift" in {change.label for change in goal.changes}
+
+
+def test_a_sweep_is_named_where_it_makes_the_same_change() -> None:
+    """It is none of a mean that changes with its sigma, nor of a kind of errors with an axis of its own."""
+    content: Entries = {
+        "scenario": {"type": "reentry", "trajectory": 4},
+        "errors": {"bias_x": {"sigma": "100 ug", "mean": "30 ug"}},
+        "accept": {"quantile": [{"output": "range", "probability": 0.9, "below": "30 km"}]},
+    }
+    (goal,) = allocate(content, confirm=0).goals
+    change = next(change for change in goal.changes if change.label == "errors.bias_x")
+    assert (change.now, change.swept) == ("sigma 100 ug, mean 30 ug", "")
+    assert change.needed.startswith("sigma ")
+    assert ", mean " in change.needed
+    content["errors"]["bias_x"] = "100 ug"
+    (goal,) = allocate(content, confirm=0).goals
+    change = next(change for change in goal.changes if change.label == "errors.bias_x")
+    assert change.swept == f"100 ug, {change.needed}"
+    still = hover("1 km") | {"errors": {"position": "2 km", "position_down": "1 km"}} | {
+        "scenario": {"type": "ins", "trajectory": fixed("")["scenario"]["trajectory"]},
+        "accept": {"quantile": [{"output": "position_east", "probability": 0.9, "below": "1 km"}]},
+    }  # fmt: skip
+    (goal,) = allocate(still, confirm=0).goals
+    change = next(change for change in goal.changes if change.label == "errors.position")
+    assert change.reached
+    assert change.swept == ""
 
 
 @pytest.mark.parametrize("limit", [500.0, 50_000.0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcnav.analysis.budget import error_budget
 from mcnav.analysis.causes import causes_of
 from mcnav.analysis.filter_consistency import MEAN
 from mcnav.arrays.products import transformed_variances
@@ -28,8 +27,8 @@ def causes_at(content: RunAnalysis, time: float, output: int) -> list[tuple[str,
         return []
     row = known.partials[at, [output]]
     names = [source.name for source in content.manifest.model.sources]
-    squares = error_budget(row, model.covariance).contributions ** 2
-    variances = {name: squares[:, k] for k, name in enumerate(names)}
+    attributed = row * (row @ model.covariance)  # with half of what correlations add
+    variances = {name: attributed[:, k] for k, name in enumerate(names)}
     variances |= {name: process[at, [output]] for name, process in known.processes.items()}
     means = {name: row[:, k] * model.mean[k] for k, name in enumerate(names) if model.mean[k]}
     noise = sum(float(process[at, output]) for process in known.processes.values())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from mcnav.analysis.linear_answer import LinearRequirement, judge_linearly
+from mcnav.analysis.linear_answer import LinearRequirement, causes_at, judge_linearly
 from mcnav.analysis.linear_covariance import Moments, covariance_over_time
 from mcnav.analysis.model import Model
 from mcnav.analysis.requirements import Requirement
@@ -119,6 +119,10 @@ def test_covariance_over_time_adds_up() -> None:
     np.testing.assert_allclose(found.mean, partials @ mean, rtol=1e-12)
     total = found.correlations + sum(found.variances.values())
     np.testing.assert_allclose(total, found.sigma**2, rtol=1e-12)
+    np.testing.assert_allclose(sum(found.attributed.values()), found.sigma**2, rtol=1e-12)
+    (cause,) = (cause for cause in causes_at(found, 2, 1) if cause.name == "b")
+    crossed = sum(partials[2, 1, 1] * sources[1, k] * partials[2, 1, k] for k in range(3))
+    assert cause.share == pytest.approx(crossed / expected[2, 1, 1], rel=1e-12)
 
 
 @pytest.mark.parametrize(("limit", "met"), [(5.5, False), (5.86, True)])

@@ -64,16 +64,15 @@ def test_a_sweep_is_confirmed_with_its_own_options() -> None:
     assert accepted(confirmed) == ["report", "--index", "out"]
 
 
-@pytest.mark.parametrize(("now", "needed"), [("3 km", "3 km"), ("", "2 km"), ("3 km", "")])
-def test_an_allocation_without_a_change_is_followed_by_a_run(now: str, needed: str) -> None:
-    change = SimpleNamespace(now=now, needed=needed, paths=("errors.altitude",))
+def test_an_allocation_without_a_change_that_a_sweep_makes_is_followed_by_a_run() -> None:
+    change = SimpleNamespace(swept="", paths=("errors.altitude",))
     result: Any = SimpleNamespace(goals=[SimpleNamespace(changes=[change])])
     assert accepted(next_command.after_allocation(CAMPAIGN, result)) == ["run", str(CAMPAIGN)]
 
 
 def test_an_allocation_is_followed_by_its_smallest_change() -> None:
-    same = SimpleNamespace(now="3 km", needed="3 km", paths=("errors.range",))
-    change = SimpleNamespace(now="3 km", needed="2 km", paths=("errors.altitude",))
+    same = SimpleNamespace(swept="", paths=("errors.range",))
+    change = SimpleNamespace(swept="3 km, 2 km", paths=("errors.altitude",))
     result: Any = SimpleNamespace(goals=[SimpleNamespace(changes=[same, change])])
     words = accepted(next_command.after_allocation(CAMPAIGN, result))
     assert words[2:4] == ["--vary", "errors.altitude=3 km, 2 km"]

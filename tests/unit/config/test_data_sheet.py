@@ -96,6 +96,28 @@ def test_next_grades() -> None:
     assert next_grade(found["errors.position"], True) is None
 
 
+def test_a_grade_leaves_axes_that_are_beyond_it() -> None:
+    """The larger axis alone moves to the next finer grade, the smaller one alone to the next coarser."""
+    content = {"imu": {"accelerometer": {"bias": {"x": "100 ug", "y": "1200 ug"}}}}
+    (number,) = data_sheet_numbers(content, SOURCES)
+    finer, coarser = (next_grade(number, each) for each in (True, False))
+    assert finer is not None
+    assert finer.entry == {"x": "100 ug", "y": "1 mg"}
+    assert coarser is not None
+    assert coarser.grade == "consumer"
+    content = {"imu": {"accelerometer": {"bias": ["100 ug", "1200 ug", "1500 ug"]}}}
+    (number,) = data_sheet_numbers(content, SOURCES)
+    finer = next_grade(number, True)
+    assert finer is not None
+    assert finer.entry == ["100 ug", "1 mg", "1 mg"]
+
+
+def test_a_number_is_shown_with_all_that_is_multiplied() -> None:
+    """A mean and a limit grow with the sigma: a reader who changes the sigma alone has another distribution."""
+    number = numbers()["errors.position_down"]
+    assert number.text == "sigma 10 m, limit 20 m"
+
+
 def test_a_number_of_errors_owns_the_axis_that_it_names() -> None:
     found = numbers()
     causes = ["position_down", "position_north", "gyro_bias_x", "gyro_bias_instability_x", "gravity_anomaly"]
