@@ -37,6 +37,10 @@ SPARE: Final = 4
 
 FAILS: Final = "linear analysis fails in this run: mcnav report --remedies simulates what would help"
 CODE: Final = "the run folder's code is not executed: --campaign FILE simulates what would help"
+FAULTY: Final = (
+    "linear analysis, which accepts every measurement, computes no remedy against faults: try another gate, "
+    "and run the changed campaign"
+)
 IN_FOLDER: Final = "in the folder of this report"
 UNCONFIRMED: Final = "samples confirm nothing that linear analysis proposes"
 
@@ -124,6 +128,8 @@ def remedies_of_run(
         if case is None:
             return None
         remedies = find_remedies(case, thorough, progress, None if simulate else False)
+    if not remedies.listed and content.summary.faults:
+        return remedies.completed({"reason": FAULTY})
     if not remedies.listed:
         return remedies
     if thorough and simulate:

@@ -32,7 +32,7 @@ def test_verdicts_stand_in_their_folds(browser: Browser, report: Path) -> None:
         headlines = page.locator(".tile .headline").all_inner_texts()
         assert headlines[2] == (
             "Requirements: 0 of 1 met, 1 not met. Least margin: heading, 95 %: 4.59 mrad, limit 3 mrad. "
-            "Margin × 0.654; with 95 % confidence at least 4.31 mrad."
+            "Errors may be × 0.654; with 95 % confidence at least 4.31 mrad."
         )
         assert page.locator(".tile .tag").all_inner_texts() == ["optimistic", "undecided", "not met"]
         assert page.title().startswith("Requirements not met – ")

@@ -66,7 +66,7 @@ def test_tables_sort_series_toggle_and_data_is_copied(browser: Browser, report: 
 
 def test_outliers_carry_their_sample_number(browser: Browser, report: Path) -> None:
     with browser.opened(report) as page:
-        farthest = page.locator("#dispersion table", has_text="largest NEES")
+        farthest = page.locator("#dispersion table", has_text="largest squared distance")
         assert "mcnav replay . SAMPLE" in farthest.locator("caption").inner_text()
         assert all(index.isdecimal() for index in farthest.locator("tbody th").all_inner_texts())
         tips = page.locator("#figure-scatter g.points title").all_text_contents()
@@ -96,7 +96,8 @@ def test_figures_say_the_values_under_the_pointer(browser: Browser, report: Path
         page.mouse.move(1, 1)  # a page's first event has no movement, and scrolling by keys must not move the values
         for key, wanted in {
             "flight": r"range [−\d.,]+ km\naltitude: [\d.,]+ km",
-            "nees": r"NEES against the linear covariance [\d.]+\nMonte Carlo, .* to .*\nchi-square, 4 degrees: [\d.]+",
+            "nees": r"squared distance to the linear covariance [\d.]+\nMonte Carlo, .* to .*\nchi-square, 4 degrees: "
+            r"[\d.]+",
             "histograms": r"altitude [−\d.,]+ km\nMonte Carlo, .* km to .* km: [\d.,]+\nlinear Gaussian: [\d.,]+",
             "scatter": r"(samples|linear, 1 and 3 sigma|Monte Carlo .*)\naltitude [−\d.,]+ km\nrange [−\d.,]+ km",
             "convergence": r"samples [\d,.]+\n(.*\n)*Monte Carlo \(paired\): [\d.]+",

@@ -54,7 +54,7 @@ def test_the_question_of_the_board_first_on_one_slide_and_one_sheet(place: Path)
     assert requirement["finding"] == "not met"
     margin, low = 8e3 / requirement["estimate"], requirement["interval"][0] / 1e3
     first = text.index("Requirements: 0 of 1 met, 1 not met.")
-    margins = text.index(f"Margin × {rounded(margin)}; with 95 % confidence at least {number(low, 3)} km.")
+    margins = text.index(f"Errors may be × {rounded(margin)}; with 95 % confidence at least {number(low, 3)} km.")
     assert first < margins < text.index("Linear", margins)
     assert "mcnav replay run" in text
     sizes = {"slide.pdf": (960, 540), "brief.pdf": (595, 841)}  # points: 16:9, and A4

@@ -140,7 +140,9 @@ def test_outputs_without_partial_derivatives_say_why(tmp_path: Path) -> None:
     assert "kink and dead have a kink, a flat place or terms of higher order there." in told
     assert "Take the simulated sigma" in told
     (joint,) = (line for line in found.printed if line.startswith("The full covariance matrix"))
-    assert joint.startswith("The full covariance matrix differs with it. In all other directions the mean NEES")
+    assert joint.startswith(
+        "The full covariance matrix differs with it. In all other directions the mean squared distance"
+    )
     assert not any("agrees as well" in line for line in found.printed)
 
 
@@ -152,7 +154,9 @@ def test_a_mean_error_is_called_one(tmp_path: Path) -> None:
     assert joint["mean_error"] == pytest.approx(2.0, rel=0.1)
     told = next(line for line in found.printed if line.startswith(("The mean is off", "The full covariance matrix")))
     assert re.search(r"mean is off by \S+ sigma in reading \(by \S+ cm\)\. The dispersion", told)
-    assert re.search(r"The mean NEES is \S+ about the linear mean, \S+ about the sample mean", told)
+    assert re.search(
+        r"The mean squared distance in sigmas is \S+ about the linear mean. It is \S+ about the sample mean", told
+    )
     assert "ellipsoid" not in told
 
 

@@ -18,7 +18,7 @@ HYPOTHESES: Final = {
     "covariance": ("Covariance, likelihood ratio", "cov(y) = P·S·Pᵀ", "χ²"),
     "bias_paired": ("Bias, paired T²", "Monte Carlo and linear errors have the same mean", "F"),
     "bias": ("Bias, Hotelling's T²", "the sample mean is the linear one", "F"),
-    "nees": ("NEES, Kolmogorov-Smirnov", "NEES follows χ²", "D"),
+    "nees": ("Distance, Kolmogorov-Smirnov", "squared distance follows χ²", "D"),
     "skewness": ("Mardia's skewness", "the outputs have the symmetry of a normal distribution", "χ²"),
     "kurtosis": ("Mardia's kurtosis", "the outputs have the tails of a normal distribution", "z"),
 }

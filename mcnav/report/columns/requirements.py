@@ -140,6 +140,8 @@ class RequirementRow:
         words = ""
         if entry.time is not None and entry.samples is not None:
             words = f"largest at {instant(entry.time, f'time [{self.time_unit}]')}, of {entry.samples:,} samples"
+        elif self.time_unit and not entry.epochs and entry.kind != "sigma_ratio":
+            words = "at the end"
         return Cell(self.shown(entry.estimate, "–"), below=words)
 
     @property

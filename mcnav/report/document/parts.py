@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from markupsafe import Markup
 
@@ -87,6 +87,10 @@ class Tile:
     details: Sequence[str] = ()
     warnings: Sequence[str] = ()
     further: Sequence[tuple[str, str]] = ()
+
+
+WARNINGS: Final = "warnings"
+"""Place of the warnings of tiles on a page, to which links lead."""
 
 
 @dataclass(frozen=True)

@@ -154,14 +154,14 @@ def nees(content: RunAnalysis) -> Figure | None:
     quantiles = Series("quantiles", "sample quantiles", FLOWN, "dot")
     return Figure(
         name="nees",
-        title="NEES of the Monte Carlo errors",
+        title="Distance to the linear covariance",
         description="Histogram and quantile plot of the normalized estimation error squared, with the chi-square "
         f"distribution of {dimension} degrees of freedom.",
         panels=[
-            Panel("Distribution", Axis("NEES against the linear covariance", log=log, margin=0.0),
+            Panel("Distribution", Axis("squared distance to the linear covariance", log=log, margin=0.0),
                   Axis("samples", low=0.0),
                   [Steps(flown, edges, counts), Line(theory, centres, by_theory, 2.1), *left_out]),
-            Panel("Quantiles", Axis(f"quantile of chi-square, {dimension} degrees"), Axis("NEES"),
+            Panel("Quantiles", Axis(f"quantile of chi-square, {dimension} degrees"), Axis("squared distance"),
                   [Line(theory, [0.0, x[-1]], [0.0, x[-1]], 1.6), Points(quantiles, x, y, 3.5)]),
         ],
         key=(flown, theory, quantiles),

@@ -62,7 +62,7 @@ def limit_to_causes(row: RequirementRow) -> Figure | None:
         *([Rule(allowed, name="the limit", colour=INK, width=1.6)] if allowed <= high else []),
     ]
     low = 1.05 * min(0.0, float(ends.min()))
-    across = Axis("mean square by linear analysis, of all causes", "%", low=low, high=high)
+    across = Axis("share of the linear mean square", "%", low=low, high=high)
     enough = 0
     while allowed < 100.0 and enough < len(shares) and ends[enough] > allowed:
         enough += 1

@@ -88,7 +88,7 @@ def _nees(content: RunAnalysis) -> str:
     limit = float(special.chdtri(ellipsoid.dimension, TAIL))
     share = float(np.mean(ellipsoid.values > limit))
     return (
-        f"{100.0 * share:.3g} % of the samples have a NEES above {rounded(limit)}; linear analysis expects "
+        f"{100.0 * share:.3g} % of the samples have a squared distance above {rounded(limit)}; linear analysis expects "
         f"{100.0 * TAIL:g} %."
     )
 

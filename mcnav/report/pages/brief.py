@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -11,18 +12,19 @@ from markupsafe import Markup
 from mcnav.execution.shell import quote_word
 from mcnav.report.columns.filter_columns import foremost_neglected
 from mcnav.report.columns.requirements import RequirementRow, requirement_rows
-from mcnav.report.document.parts import Note, Page, Section, Sentence, joined
+from mcnav.report.document.parts import WARNINGS, Note, Page, Section, Sentence, Tile, Verdict, joined
 from mcnav.report.document.table import CODE, Cell, Column, Table
 from mcnav.report.drawing.figure import Figure
 from mcnav.report.figures.brief import limit_to_causes
 from mcnav.report.format import rounded
 from mcnav.report.pages.run.first_screen import first_screen, stated_on
-from mcnav.report.pages.run.page import figures
+from mcnav.report.pages.run.page import figures, samples_and_confidence
 from mcnav.report.pages.run.sections.remedies import ALL_REMEDIES, remedies_section
 from mcnav.report.pages.run.tiles import NAMES, tiles
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.requirements import margin, worst_requirement
-from mcnav.report.statements.words import listed
+from mcnav.report.statements.verdicts import Statement
+from mcnav.report.statements.words import WORST, listed
 
 LISTED: Final = 3
 """Remedies on the sheet; the report has all."""
@@ -59,14 +61,49 @@ def page(content: RunAnalysis, links: Links) -> Page:
         _requirements(content, links),
         _causes(content, drawn, worst, made[0].subject, links),
         _advice(content),
+        _warnings(made),
         _sources(content, worst, links),
     ]
-    slide = first_screen(content, drawn, made, stated)
+    said, tone = _both(stated)
+    slide = first_screen(content, drawn, made, said)
+    verdict, *beside = slide.parts
+    if isinstance(verdict, Verdict) and tone != said[0].tone:
+        verdict = replace(verdict, tone=tone)
     present = [section for section in sections if section is not None]
     return Page(
-        f"{summary.campaign}, brief", "Brief", summary.campaign, slide.parts, present,
-        status=stated[0].sentence, tone=stated[0].tone, slide=True,
+        f"{summary.campaign}, brief", samples_and_confidence("Brief", summary), summary.campaign,
+        [verdict, *beside], present,
+        status=_headline(stated), tone=tone, slide=True,
     )  # fmt: skip
+
+
+def _worst(stated: Sequence[Statement]) -> Statement:
+    """Return the verdict that is worse than the first one, the worst; the first one where none is."""
+    return min(stated, key=lambda statement: WORST.index(statement.tone))
+
+
+def _both(stated: Sequence[Statement]) -> tuple[list[Statement], str]:
+    """Return the verdicts without the one that the headline has beside the board's question, and the worst tone."""
+    worst = _worst(stated)
+    first, *others = stated
+    said = replace(first, sentence=_headline(stated))
+    if worst is first:
+        return [first, *others], worst.tone
+    rest = [replace(other, sentence=f"{other.sentence.partition('. ')[0].rstrip('.')}.") for other in others
+            if other is not worst]  # fmt: skip
+    return [said, *rest], worst.tone
+
+
+def _headline(stated: Sequence[Statement]) -> str:
+    """Answer the board's question, and say what is worse, so that a sheet on which all is met does not hide it."""
+    first, worst = stated[0], _worst(stated)
+    return first.sentence if worst is first else f"{first.sentence} {worst.sentence}"
+
+
+def _warnings(made: Sequence[Tile]) -> Section | None:
+    """List the warnings; none without any."""
+    warnings = [warning for tile in made for warning in tile.warnings]
+    return Section(WARNINGS, "Warnings", [*map(Sentence, warnings)]) if warnings else None
 
 
 def _requirements(content: RunAnalysis, links: Links) -> Section | None:

@@ -145,9 +145,9 @@ def foremost(figure: Figure, shows: str = "") -> Figure:
 
 
 def sizes_at_the_end(
-    known: Sequence[tuple[str, float, str]], causes: str, target: str
+    known: Sequence[tuple[str, float, str]], causes: str, target: str, driven: str = ""
 ) -> list[tuple[str, Markup | str]]:
-    """Return facts: the sigmas of the first outputs, and what drives the first one.
+    """Return facts: the sigmas of the first outputs, and what drives the first one, or ``driven``.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def sizes_at_the_end(
     sizes = [f"{name} {rounded(size)} {unit}".rstrip() for name, (_, size, unit) in zip(names, shown, strict=True)]
     more = Markup(', <a href="#{}">{} more</a>').format(target, len(known) - len(shown)) if known[len(shown) :] else ""
     facts: list[tuple[str, Markup | str]] = [("Sigma at the end", Markup("{}{}").format(", ".join(sizes), more))]
-    return [*facts, (f"{humanize(known[0][0])} is driven by".capitalize(), causes)] if causes else facts
+    return [*facts, (f"{humanize(driven or known[0][0])} is driven by".capitalize(), causes)] if causes else facts
 
 
 def answered(page: Page, figure: Figure | None = None, rest: str = "Linear analysis") -> Page:

@@ -17,6 +17,9 @@ NOT_MODELLED: Final = {
 }
 """By type of scenario; others are their authors' business."""
 
+OWN: Final = "Not modelled: what the code of the scenario leaves out. mcnav knows nothing of it."
+"""Of a class of the user's."""
+
 BENDING, FAULTS = "bending between instruments and antennas", "faults of sensors"
 """Effects of which a campaign may state some."""
 
@@ -38,14 +41,14 @@ def not_modelled(kind: str, causes: Collection[str] = (), faulty: bool = False) 
 
     Examples
     --------
-    >>> not_modelled("ins")[:40], not_modelled("my_system.py:MySystem")
-    ('Not modelled: disturbances of gravity, v', '')
+    >>> not_modelled("ins")[:40], not_modelled("my_system.py:MySystem")[:41]
+    ('Not modelled: disturbances of gravity, v', 'Not modelled: what the code of the scenar')
     >>> not_modelled("ins", ["gravity_anomaly"])[-44:]
     'instruments and antennas, faults of sensors.'
     >>> not_modelled("ins", ["master_flexure_x"], faulty=True)[-75:]
     'bending but for the stated flexure, faults of sensors but for those stated.'
     """
-    words = NOT_MODELLED.get(kind, "")
+    words = NOT_MODELLED.get(kind, OWN if ".py:" in kind else "")
     if any("_flexure" in name for name in causes):
         words = words.replace(BENDING, "bending but for the stated flexure")
     if faulty:

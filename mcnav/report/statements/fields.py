@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,10 +12,15 @@ from mcnav.analysis.filter_causes import shares_by_kind
 from mcnav.analysis.filter_consistency import cause_words
 from mcnav.analysis.filter_remarks import group_words, instant
 from mcnav.analysis.verdict import NUMERICAL
+from mcnav.physics.units import conversion
 from mcnav.report.format import rounded
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.statements.means import mean_sentence
-from mcnav.report.statements.requirements import confidence_words, requirement_in_brief, worst_requirement
+from mcnav.report.statements.requirements import (
+    confidence_words,
+    requirement_in_brief,
+    worst_requirement,
+)
 from mcnav.report.statements.words import more_samples, several
 
 if TYPE_CHECKING:
@@ -127,9 +132,15 @@ def counts(summary: Summary) -> str:
     return ", ".join([f"{tally.met} of {tally.of} met", *(f"{count} {words}" for count, words in others if count)])
 
 
-def _least_margin(summary: Summary) -> str:
-    worst = worst_requirement(summary)
-    return "" if worst is None else requirement_in_brief(worst)
+def _least_margin(summary: Summary, epochs: Mapping[str, Array]) -> str:
+    worst = worst_requirement(summary, _time_unit(epochs))
+    return "" if worst is None else requirement_in_brief(worst, epochs)
+
+
+def _time_unit(epochs: Mapping[str, Array]) -> str:
+    """Return the unit of the times of stored errors; empty where none are stored."""
+    label = next((name for name in epochs if name.startswith("time [")), "")
+    return label.removeprefix("time [").removesuffix("]")
 
 
 def margin(summary: Summary) -> str:
@@ -148,7 +159,34 @@ def cause(summary: Summary, subject: str) -> str:
     worst = worst_requirement(summary) if subject == "requirements" else None
     if worst is None:
         return ""
-    return named_causes((cause.name, cause.share) for cause in worst.entry.causes)
+    return named_causes((initial(cause.name, summary.names), cause.share) for cause in worst.entry.causes)
+
+
+def initial(cause: str, outputs: Sequence[str]) -> str:
+    """Return the name of a cause; of one that is named as an output that of its initial error.
+
+    >>> initial("position_x", ["position_x"]), initial("gyro_bias_x", ["position_x"])
+    ('initial_position_x', 'gyro_bias_x')
+    """
+    return f"initial_{cause}" if cause in outputs else cause
+
+
+def faults_before(summary: Summary) -> str:
+    """Name the last fault of a sensor that began until the filter was the most optimistic; empty without one."""
+    result = summary.filter
+    worst = None if result is None else worst_departure(result)
+    if result is None or worst is None or worst.worst is None:
+        return ""
+    per_second = {"time [min]": 60.0, "time [h]": 3600.0}.get(result.time, 1.0)
+    begun = [fault for fault in summary.faults if fault.begin <= worst.worst * per_second]
+    if not begun:
+        return ""
+    fault = max(begun, key=lambda fault: fault.begin)
+    size = f"{rounded(fault.size * conversion(fault.unit, fault.shown_in))} {fault.shown_in}".rstrip()
+    times = (fault.begin,) if fault.kind == "spike" else (fault.begin, fault.end)
+    first, *last = [instant(time / per_second, result.time) for time in times]
+    when = f"{first.partition(' ')[0]} to {last[0]}" if last else first
+    return f"{humanize(fault.sensor)} {humanize(fault.component)}: {size} {fault.kind}, {when}"
 
 
 def named_causes(causes: Iterable[tuple[str, float]]) -> str:
@@ -260,7 +298,7 @@ MAY_BE_EMPTY: Final = ("within",)
 FIELDS: Final[Mapping[str, Callable[[Summary, Mapping[str, Array]], str]]] = {
     "means": _of(mean_sentence),
     "counts": _of(counts),
-    "least_margin": _of(_least_margin),
+    "least_margin": _least_margin,
     "within": _of(_within),
     "whose": _of(_whose),
     "factor": _of(factor),

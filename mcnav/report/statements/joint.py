@@ -138,7 +138,9 @@ def explain(summary: Summary) -> str:
 
 
 def _nees(summary: Summary) -> str:
-    return f"the mean NEES is {_mean_nees(summary):.4g} where {summary.nees_dimension} is expected"
+    return (
+        f"the mean squared distance in sigmas is {_mean_nees(summary):.4g} where {summary.nees_dimension} is expected"
+    )
 
 
 def _mean_nees(summary: Summary) -> float:
@@ -148,14 +150,14 @@ def _mean_nees(summary: Summary) -> float:
 
 
 def _agreement(summary: Summary) -> str:
-    """State that the mean NEES agrees, and what is off in spite of it."""
+    """State that the mean squared distance agrees, and what is off in spite of it."""
     also = " as well" if summary.verdict == "agrees" else ""
     parts = [f"The full covariance matrix agrees{also}: {_nees(summary)}."]
     joint, ratio = summary.joint, summary.direction_ratio
     if joint is None:
         return parts[0]
     if joint.differing and ratio is not None and abs(ratio - 1.0) > summary.tolerance:
-        parts.append("The mean NEES is a mean over all combinations of outputs.")
+        parts.append("This is a mean over all combinations of outputs.")
         parts.append(f"Farthest off is {direction_of(joint.differing, summary)}: sigma ratio {number(ratio)}.")
     shifted = [
         f"{humanize(name)} ({abs(bias) / sigma:.2g})"
@@ -214,7 +216,8 @@ def _of_mean(summary: Summary, joint: Joint, start: str) -> list[str]:
     result = [
         f"The mean is {_shift(summary, joint)}.",
         f"{of} {words[joint.dispersion_verdict or '']}.",
-        f"The mean NEES is {_mean_nees(summary):.4g} about the linear mean, {joint.nees_about_mean:.4g} about the "
+        f"The mean squared distance in sigmas is {_mean_nees(summary):.4g} about the linear mean. It is "
+        f"{joint.nees_about_mean:.4g} about the "
         f"sample mean; {summary.nees_dimension} is expected.",
     ]
     if joint.dispersion_verdict != "agrees":

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from mcnav.analysis.filter_remarks import instant
 from mcnav.report.columns.requirements import RADII, RequirementRow, nominal_of, requirement_rows
 from mcnav.report.format import number, rounded
 from mcnav.report.names import humanize
+from mcnav.statistics.normal_size import size_quantiles
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import RequirementEntry, Summary
+    from mcnav.arrays.types import Array
     from mcnav.report.columns.requirements import NamedRequirement
 
 DIGITS: Final = 3
@@ -22,6 +27,9 @@ FINDINGS: Final = ("not met", "undecided", "met for the known ways", "met")
 
 NAMED: Final = 2
 """Outputs of a requirement that its short form names."""
+
+CLEARLY: Final = 1.1
+"""Multiple of a limit from which the size of a normal error is said to exceed it: errors may not be normal."""
 
 NEGLIGIBLE: Final = 0.01
 """Largest size of nominal outputs, as a share of a size, that is left out of a margin."""
@@ -53,12 +61,53 @@ def _used(row: RequirementRow) -> float:
     return (1.0 - estimate) / allowed if allowed else math.inf
 
 
-def requirement_in_brief(row: RequirementRow) -> str:
-    """Write a requirement in one short row: what it limits, the estimate, and the limit."""
+def requirement_in_brief(row: RequirementRow, epochs: Mapping[str, Array] | None = None) -> str:
+    """Write a requirement in one short row: what it limits, the estimate, the limit, and when errors exceed it before.
+
+    ``epochs``: columns over time, where they are stored.
+    """
     entry = row.entry
     limit = f"at least {100.0 * (entry.probability or 0.0):g} %" if entry.kind == "box" else limit_words(row)
     value = "–" if entry.estimate is None else three_digits(row, entry.estimate)
-    return f"{limited_in_brief(entry)}: {value}, {limit}"
+    stated = f"{value}{_with_nominal(row)}{_largest_at(row)}, {limit}{_exceeded_before(row, epochs)}"
+    return f"{limited_in_brief(entry)}{_at_the_end(row, epochs)}: {stated}"
+
+
+def _at_the_end(row: RequirementRow, epochs: Mapping[str, Array] | None) -> str:
+    """Say that a value is of the end, where navigation errors before it are known too."""
+    entry = row.entry
+    names = {output.name for output in row.summary.outputs if output.of == "navigation"}
+    if not row.time_unit or entry.epochs or entry.when or not entry.outputs or not set(entry.outputs) <= names:
+        return ""
+    label = f"time [{row.time_unit}]"
+    known = label in (epochs or {})
+    return f", at {instant(float((epochs or {})[label][-1]), label)}" if known else ", at the end"
+
+
+def _exceeded_before(row: RequirementRow, epochs: Mapping[str, Array] | None) -> str:
+    """Say when errors before the end are the largest, if a limit that holds at the end is exceeded there."""
+    known = None if epochs is None else larger_before_the_end(row, epochs)
+    if known is None:
+        return ""
+    time, size = known
+    return f"; ≈ {three_digits(row, size)} at {instant(time, f'time [{row.time_unit}]')}"
+
+
+def _largest_at(row: RequirementRow) -> str:
+    """Say when a value over time is the largest."""
+    time = row.entry.time
+    return "" if time is None else f" at {instant(time, f'time [{row.time_unit}]')}"
+
+
+def _with_nominal(row: RequirementRow) -> str:
+    """Give the nominal that is a part of a value, and by what its errors may be multiplied; else nothing."""
+    multiple = margin(row)
+    if multiple is None or row.entry.about or len(row.entry.outputs) != 1:
+        return ""
+    nominal = abs(float(nominal_of(row.summary, row.entry.outputs)[0]))
+    if nominal <= NEGLIGIBLE * (row.entry.estimate or 0.0):
+        return ""
+    return f" (nominal {number(nominal * row.scale, DIGITS)}, × {rounded(multiple)})"
 
 
 def limited_in_brief(entry: NamedRequirement | RequirementEntry) -> str:
@@ -136,7 +185,7 @@ def confidence_words(row: RequirementRow) -> str:
     multiple, bound = margin(row), low if entry.finding == "not met" else high
     side = "at least" if entry.finding == "not met" else "at most"
     bounded = "" if bound is None else f"with {confidence} {side} {three_digits(row, bound)}"
-    words = "; ".join(filter(None, (f"Margin × {rounded(multiple)}" if multiple else "", bounded)))
+    words = "; ".join(filter(None, (f"errors may be × {rounded(multiple)}" if multiple else "", bounded)))
     return f"{capitalized(words)}." if words else ""
 
 
@@ -160,6 +209,36 @@ def margin(row: RequirementRow, value: float | None = None) -> float | None:
     if alone and limit - size <= size < min(limit, value):
         return (limit - size) / (value - size)
     return None
+
+
+def larger_before_the_end(row: RequirementRow, epochs: Mapping[str, Array]) -> tuple[float, float] | None:
+    """Return when errors before the end are the largest, and the size that a requirement at the end limits then, SI.
+
+    The size is that of a normal error with the mean and sigma of the samples. Of a radius it is the quantile of its
+    largest component: the radius is at least as large. None where it is not above the limit by `CLEARLY`, where the
+    requirement holds at epochs, or of outputs other than navigation errors.
+    """
+    entry, limit = row.entry, row.entry.limits[0]
+    names = {output.name: output.unit for output in row.summary.outputs if output.of == "navigation"}
+    times = next((values for name, values in epochs.items() if name.startswith("time [")), None)
+    held = entry.epochs or entry.when or entry.about or entry.kind in ("box", "sigma_ratio")
+    if (
+        times is None
+        or held
+        or not set(entry.outputs) <= set(names)
+        or (len(entry.outputs) > 1 and entry.kind not in RADII)
+    ):
+        return None
+    probability = {"cep": 0.5, "sep": 0.5, "r95": 0.95}.get(entry.kind, entry.probability or 0.0)
+    sizes = []
+    for name in entry.outputs:
+        mean, sigma = (epochs.get(f"{kind} {name} [{names[name]}]") for kind in ("mean", "sigma"))
+        if mean is None or sigma is None or not np.isfinite(mean + sigma).all():
+            return None
+        sizes.append(size_quantiles(mean[:, None], (sigma**2)[:, None, None], probability, instead=0.0))
+    largest = np.max(sizes, axis=0)
+    worst = int(largest[:-1].argmax()) if len(largest) > 1 else 0
+    return (float(times[worst]), float(largest[worst])) if largest[worst] > CLEARLY * limit else None
 
 
 def capitalized(words: str) -> str:

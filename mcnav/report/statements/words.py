@@ -15,6 +15,9 @@ TONES: Final = {
 }  # fmt: skip
 """Tones of the verdicts on a filter."""
 
+ALL: Final = 1.005
+"""Sum of shares beyond which correlations take a part of it, rather than rounding."""
+
 LISTED: Final = 3
 """Names that a sentence lists; tables have all."""
 
@@ -39,8 +42,12 @@ def listed(causes: Sequence[tuple[str, float]]) -> str:
 
     >>> listed([("gyro bias z", 0.2113), ("heading", 0.05)])
     'gyro bias z 21.1 %, heading 5 %'
+    >>> listed([("position", 0.65), ("velocity", 0.45)])
+    'position 65 %, velocity 45 % (above 100 %: correlated)'
     """
-    return ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in causes) or "–"
+    words = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in causes)
+    above = sum(share for _, share in causes) > ALL
+    return f"{words} (above 100 %: correlated)" if above else words or "–"
 
 
 def more_samples(needed: int, samples: int) -> str:

@@ -35,7 +35,7 @@ def test_errors_grow_about_the_nominal_until_the_quantile_is_the_limit() -> None
     assert multiple is not None
     assert float(np.quantile(np.abs(1.0 + multiple * errors), 0.99)) == pytest.approx(1.1, rel=1e-12)
     assert multiple > 1.3 * 1.1 / estimate
-    assert confidence_words(row).startswith(f"Margin × {multiple:.2f}; with 95 % confidence at most ")
+    assert confidence_words(row).startswith(f"Errors may be × {multiple:.2f}; with 95 % confidence at most ")
 
 
 def test_no_margin_where_both_tails_of_an_output_with_a_nominal_decide() -> None:

@@ -451,7 +451,7 @@
     convention.changed.addEventListener("change", () => update());
     const folded = (words, parts) => make("details", [make("summary", words), ...parts]);
     const choice = make("p", make("label", [first_ ? "% of final variance: " : "Shares of the variance at the end of ", chosen]), { class: "choice" });
-    const tables = [...(requirements.length ? [table(data.basis, ["Requirement", "Campaign", "What if", "Margin", "Finding"], asked, "requirements")] : []), ends];
+    const tables = [...(requirements.length ? [table(data.basis, ["Requirement", "Campaign", "What if", "Errors may be", "Finding"], asked, "requirements")] : []), ends];
     const plots = panels.length ? [key, plotsOf(first.map((each) => panels[each])), ...(more ? [more] : [])] : [];
     const foremost = () => { // numbers with the largest shares in what requirements limit, or in all outputs
       const wanted = requirements.length ? requirements.flatMap(({ members }) => members) : [...outputs.keys()];

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from markupsafe import Markup
 
 from mcnav.report.columns.requirements import requirement_rows
-from mcnav.report.document.parts import Beside, Facts, Findings, Part, Tile, Verdict, joined
+from mcnav.report.document.parts import WARNINGS, Beside, Facts, Findings, Part, Tile, Verdict, joined
 from mcnav.report.drawing.figure import HALF, Figure
-from mcnav.report.format import rounded
+from mcnav.report.format import rounded, signed
 from mcnav.report.names import humanize, shown_units
 from mcnav.report.pages.run.sections.remedies import fix, fix_name
 from mcnav.report.pages.run.tiles import NAMES
@@ -22,10 +23,13 @@ from mcnav.report.pages.screen import foremost as as_foremost
 from mcnav.report.pages.screen import sizes_at_the_end
 from mcnav.report.results.model import RunAnalysis
 from mcnav.report.statements.box import simulated_in_brief
-from mcnav.report.statements.fields import named_causes
+from mcnav.report.statements.fields import faults_before, initial, named_causes
 from mcnav.report.statements.joint import direction_words
-from mcnav.report.statements.requirements import requirement_in_brief, worst_first
+from mcnav.report.statements.requirements import capitalized, requirement_in_brief, worst_first
 from mcnav.report.statements.verdicts import Statement, statements, tone
+
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import CombinationEntry, Summary
 
 REQUIREMENTS: Final = 3
 """Requirements listed where there are more than one more; one, if all are met and something else is the matter."""
@@ -41,6 +45,12 @@ DIGITS: Final = 3
 
 ROOM: Final = 46
 """Most words of the verdicts: the title, requirements, a remedy, the figure and the contents take the others."""
+
+SURE: Final = 4.0
+"""Standard errors beyond which a mean is no chance, whichever combination differs most."""
+
+OF_SIGMA: Final = " times its sigma of "
+"""Words before the sigma of a mean error, which the fold has."""
 
 LONGEST: Final = 12
 """Words of a warning that is written out; of longer ones the first screen says that there are some."""
@@ -85,7 +95,7 @@ def first_screen(
         _others(others, by_subject),
         _requirements(content, foremost.subject == "requirements"),
     )
-    verdict = Verdict(foremost.sentence, foremost.tone, _consequences(foremost), _warnings(tiles))
+    verdict = Verdict(foremost.sentence, foremost.tone, _consequences(content, foremost), _warnings(tiles))
     if figure is None:
         return FirstScreen([verdict, *beside])
     if figure.name == WHOLE:
@@ -100,17 +110,23 @@ def _in_brief(stated: Sequence[Statement]) -> list[Statement]:
     Of mean errors that another verdict precedes, the first sentence stays. All is in the folds.
     """
     first, *others = stated
-    others = [
-        replace(other, sentence=f"{other.sentence.partition('. ')[0].rstrip('.')}.")
-        if other.subject == "means"
-        else other
-        for other in others
-    ]
+    others = [_first_sentence(other) if other.subject == "means" else other for other in others]
     if _words(first, others) > ROOM:
         first = replace(first, consequences=first.consequences[:1])
     if _words(first, others) > ROOM:
         others = [other for other in others if other.tone != "agrees" or other.subject == "requirements"]
-    return [first, *others]
+    return [first, *map(_without_repetition, others)]
+
+
+def _first_sentence(statement: Statement) -> Statement:
+    return replace(statement, sentence=f"{statement.sentence.partition('. ')[0].rstrip('.')}.")
+
+
+def _without_repetition(statement: Statement) -> Statement:
+    """Leave out what the label beside a verdict says, and of a mean error the sigma, which the fold has."""
+    words, of, _ = statement.sentence.partition(OF_SIGMA)
+    words = f"{words}{OF_SIGMA.removesuffix(' of ')}." if of and statement.subject == "means" else statement.sentence
+    return replace(statement, sentence=capitalized(words.removeprefix("Undecided: ")))
 
 
 def _words(first: Statement, others: Sequence[Statement]) -> int:
@@ -160,11 +176,45 @@ def _along(content: RunAnalysis) -> str:
     words = direction_words(entry, summary)
     if joint.cause == "mean":
         return f"Mean error along the {words}: {mean} ({of_lead})."
-    return f"Sigma along the {words}: {simulated} simulated, {linear} linear ({of_lead})."
+    known = joint.cause == "dispersion" and abs(entry.mean_error) > max(
+        summary.tolerance * entry.sigma_linear, _noise_of_mean(summary, entry)
+    )
+    off = f" Mean: {mean}." if known else ""
+    return f"Sigma along the {words}: {simulated} simulated, {linear} linear ({of_lead}).{off}"
 
 
-def _consequences(answer: Statement) -> list[str]:
-    return [*([answer.next_step] if answer.next_step else []), *answer.consequences]
+def _noise_of_mean(summary: Summary, entry: CombinationEntry) -> float:
+    """Return the size beyond which a mean error along a combination is no chance: `SURE` standard errors."""
+    return SURE * entry.sigma_paired / math.sqrt(max(summary.samples - summary.failed, 1))
+
+
+def _consequences(content: RunAnalysis, answer: Statement) -> list[str]:
+    return [
+        *([f"{answer.next_step}{_time_of(content, answer.next_step)}"] if answer.next_step else []),
+        *answer.consequences,
+    ]
+
+
+def _time_of(content: RunAnalysis, step: str) -> str:
+    """Say how long the samples of a next step take at the speed of this run, where that is known."""
+    asked = re.match(r"Run about ([\d,]+) samples", step)
+    execution = content.manifest.execution
+    if asked is None or execution is None or execution.samples != content.summary.samples or execution.seconds <= 0.0:
+        return ""
+    seconds = int(asked[1].replace(",", "")) * execution.seconds / execution.samples
+    return f" At this run's speed that takes {_duration(seconds)}."
+
+
+def _duration(seconds: float) -> str:
+    """Write a time in two digits.
+
+    >>> _duration(0.3), _duration(14.2), _duration(600.0), _duration(9000.0)
+    ('under 1 s', '14 s', '10 min', '2.5 h')
+    """
+    if seconds < 1.0:
+        return "under 1 s"
+    size, unit = next((s for s in ((seconds, "s"), (seconds / 60.0, "min")) if s[0] < 60.0), (seconds / 3600.0, "h"))
+    return f"{rounded(size, 2)} {unit}"
 
 
 def _warnings(tiles: Sequence[Tile]) -> list[str]:
@@ -175,15 +225,15 @@ def _warnings(tiles: Sequence[Tile]) -> list[str]:
     if sum(len(warning.split()) for warning, _ in others) <= LONGEST:
         return [*settings, *(warning for warning, _ in others)]
     count = "One warning" if len(others) == 1 else f"{len(others)} warnings"
-    link = next(tile.link for _, tile in others)
-    return [*settings, LINK(link, count) if link else count]
+    return [*settings, LINK(WARNINGS, count)]
 
 
 def _facts(content: RunAnalysis, answer: Statement) -> Facts | None:
     """Name the cause, and what would help most, or how large errors are; none where nothing is known."""
     best = fix(content.remedies, content.manifest.model.outputs)
     of_causes = "Driven by" if answer.tone == "agrees" else "Cause"
-    named = (of_causes, answer.cause), (fix_name(content.remedies, answer.subject), best)
+    cause = faults_before(content.summary) if answer.subject == "filter" and answer.cause else ""
+    named = (of_causes, cause or answer.cause), (fix_name(content.remedies, answer.subject), best)
     known = [(name, words) for name, words in named if words]
     if not content.summary.requirements and (answer.tone == "agrees" or answer.subject == "linear"):
         known += _sizes(content)
@@ -197,11 +247,35 @@ def _sizes(content: RunAnalysis) -> list[tuple[str, Markup | str]]:
     known = {i: (name, size * units[name][0], units[name][1]) for i, (name, size) in sizes if size and size > 0.0}
     if not known:
         return []
+    driven = _largest(known)
     drives = ""
     if tone(summary) in ("agrees", "partly"):
-        causes = [*(source.name for source in summary.sources), *(process.name for process in summary.processes)]
-        drives = named_causes(zip(causes, np.nan_to_num(content.budget.attributed[min(known)]).tolist(), strict=True))
-    return sizes_at_the_end(list(known.values()), drives, "linear")
+        sources = [initial(source.name, summary.names) for source in summary.sources]
+        causes = [*sources, *(process.name for process in summary.processes)]
+        drives = named_causes(zip(causes, np.nan_to_num(content.budget.attributed[driven]).tolist(), strict=True))
+    facts = sizes_at_the_end(list(known.values()), drives, "fold-linear-analysis", known[driven][0])
+    return [*facts, *_means(summary, known)]
+
+
+def _largest(known: Mapping[int, tuple[str, float, str]]) -> int:
+    """Return the output with the largest sigma of those in the unit of the first one."""
+    unit = known[min(known)][2]
+    return max((i for i in known if known[i][2] == unit), key=lambda i: known[i][1])
+
+
+def _means(summary: Summary, known: Mapping[int, tuple[str, float, str]]) -> list[tuple[str, Markup | str]]:
+    """Give the mean error that is the largest in sigmas, of those that are certain and beyond the tolerance."""
+    certain = {}
+    for i, (name, size, unit) in known.items():
+        if i >= min(len(summary.mean_error), len(summary.mean_error_interval)):
+            continue
+        mean, ends = summary.mean_error[i], summary.mean_error_interval[i]
+        if mean is None or ends is None or ends[0] is None or ends[1] is None or ends[0] <= 0.0 <= ends[1]:
+            continue
+        scaled = mean * shown_units(summary)[name][0]
+        if abs(scaled) > summary.tolerance * size:
+            certain[abs(scaled) / size] = f"{humanize(name)} {signed(scaled, DIGITS)} {unit}".rstrip()
+    return [("Mean error", certain[max(certain)])] if certain else []
 
 
 def _others(others: Sequence[Statement], tiles: Mapping[str, Tile]) -> Findings | None:
@@ -219,9 +293,11 @@ def _requirements(content: RunAnalysis, said: bool) -> Findings | None:
     rows = sorted(requirement_rows(content.summary, "shown", content.time_unit), key=worst_first)[1 if said else 0 :]
     if not rows:
         return None
+    epochs = content.folder.epochs()
+    known = None if epochs is None else epochs[0]
     most = 1 if not said and all(row.tone == "agrees" for row in rows) else REQUIREMENTS
     more = len(rows) - most if len(rows) > most + (most > 1) else 0
     listed = rows[:most] if more else rows
-    entries = [(row.entry.finding, row.tone, requirement_in_brief(row)) for row in listed]
+    entries = [(row.entry.finding, row.tone, requirement_in_brief(row, known)) for row in listed]
     others = (", met" if more == 1 else ", all met") if all(row.tone == "agrees" for row in rows[most:]) else ""
     return Findings(entries, MORE(more, others) if more else "")

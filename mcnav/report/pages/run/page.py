@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+from markupsafe import Markup
 
 from mcnav.analysis.heading import heading_remark
 from mcnav.report.columns import filter_tables
@@ -41,6 +43,9 @@ from mcnav.report.statements import verdicts
 from mcnav.report.statements.details import certain_but_small, explanation_of_filter, findings, room_to_grow, stopping
 from mcnav.report.statements.verdicts import Statement, Subject
 
+if TYPE_CHECKING:
+    from mcnav.analysis.summary import Summary
+
 FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
     "ratios": agreement.sigma_ratios, "nees": agreement.nees, "matrices": matrices.matrices,
     "budget": run_budget.budget, "development": run_budget.partials_history, "envelopes": envelopes,
@@ -54,9 +59,9 @@ FIGURES: Final[dict[str, Callable[[RunAnalysis], Figure | None]]] = {
 """Figures of the report besides the nominal flight: none where a run has nothing to show."""
 
 FIRST: Final = (
-    "Sigmas, ratios, biases, mean NEES, correlations, skewness, kurtosis and their intervals are computed from all "
-    "samples. Scatter plots, histograms, quantiles, CEP, the tests of NEES and normality, and requirements on "
-    "quantiles and probabilities use the first"
+    "Sigmas, ratios, biases, mean squared distance, correlations, skewness, kurtosis and their intervals are computed "
+    "from all samples. Scatter plots, histograms, quantiles, CEP, the tests of distances and normality, and "
+    "requirements on quantiles and probabilities use the first"
 )
 """Results that a run with a stored summary computes from all samples, and from some."""
 
@@ -91,7 +96,9 @@ def page(content: RunAnalysis) -> Page:
         sections.pop(WHOLE, None)
         moved = replace(drawn[WHOLE], number=1)
         made = [replace(tile, link="linear") if tile.link == WHOLE else tile for tile in made]
-    kind, answer = "Run", made[0]
+    failing = content.summary.filter is not None and content.summary.filter.verdict == "optimistic"
+    crowded = content.looped or failing  # with more to say than the number of samples
+    kind, answer = "Run" if crowded else samples_and_confidence("Run", content.summary), made[0]
     above = _above(content, made, moved)
     if content.looped:
         above = {fold: with_folded_parts(parts) for fold, parts in above.items()}
@@ -100,6 +107,11 @@ def page(content: RunAnalysis) -> Page:
         name, kind, name, first.parts, status=headline(answer), tone=answer.tone, folds=folds, short=first.short
     )
     return numbered_page(whole)
+
+
+def samples_and_confidence(kind: str, summary: Summary) -> str:
+    """Say what the verdicts of a run rest on, above its heading."""
+    return f"{kind}: {summary.samples:,} samples, {100.0 * summary.confidence:g} % confidence"
 
 
 def _above(content: RunAnalysis, made: Sequence[Tile], moved: Figure | None) -> dict[str, Sequence[Part]]:
@@ -124,7 +136,7 @@ def _above(content: RunAnalysis, made: Sequence[Tile], moved: Figure | None) -> 
 
 def _words(figure: Figure) -> Note:
     """Return what a figure shows and its caption."""
-    return Note(f"Figure {figure.number}. {figure.shows} {figure.caption}")
+    return Note(Markup("Figure {}. {} {}").format(figure.number, figure.shows, figure.caption))
 
 
 def _tiles(verdicts: Mapping[str, Tile], *subjects: Subject) -> Tiles | None:

@@ -132,7 +132,7 @@ def _answer(content: RunAnalysis, entry: OutputEntry) -> _Answer:
 
 def _jointly(joint: EllipsoidWords) -> _Answer:
     verdict = Cell(joint.verdict, tone=joint.verdict)
-    return _Answer(Cell("joint: mean NEES"), joint.dimension, joint.mean, verdict, joint.direction)
+    return _Answer(Cell("joint: mean squared distance"), joint.dimension, joint.mean, verdict, joint.direction)
 
 
 def _filter_table(content: RunAnalysis, rows: Sequence[FilterAnswer]) -> Table[FilterAnswer]:

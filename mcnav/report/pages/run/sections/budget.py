@@ -35,14 +35,16 @@ def _tables(content: RunAnalysis) -> list[Part]:
     every, parts = each_cause(budget, caused, content.cause_names, sources, listed), contributors(content)
     grouped = "; of several causes the root sum square" if any(len(part.members) > 1 for part in parts) else ""
     effect = "effect at the end" if content.several_kinds else content.ends.one
+    at_the_end = " at the end" if content.time_unit else ""
     foremost = share_tables(
-        f"Share of the linear variance, %, and {effect} for one sigma{grouped}.",
+        f"Share of the linear variance{at_the_end}, %, and {effect} for one sigma{grouped}.",
         "Cause", outputs, together(budget, caused, parts), cross_terms,
     )  # fmt: skip
     limit = row_limit(len(outputs))
     left_out = f" The {len(every) - limit:,} with the smallest mean share are in summary.json." * (len(every) > limit)
     whole = share_tables(
-        f"Linear error budget: share of the variance, %, and {effect} for one sigma of each cause alone.{left_out}",
+        f"Linear error budget: share of the variance{at_the_end}, %, and {effect} for one sigma of each cause alone."
+        f"{left_out}",
         "Cause", outputs, every[:limit], cross_terms, sigmas=True, means=bool(np.any(model.mean)),
     )  # fmt: skip
     if content.looped:

@@ -90,8 +90,8 @@ def _nees(words: EllipsoidWords, tests: MultivariateTests | None) -> list[Part]:
     bounds = f"between {number(expected[0])} and {number(expected[1])}" if expected else ""
     exact = f"; if linear analysis were exact, it would lie {bounds}" if bounds else ""
     mean = Markup(
-        "The mean NEES of the Monte Carlo errors against the linear covariance is {} (paired estimate). The plain "
-        "estimate is {}{}. Linear analysis expects {}, the rank of P·S·Pᵀ: {}"
+        "The mean squared distance of the errors to the linear covariance, in sigmas, is {} (paired estimate). The "
+        "plain estimate is {}{}. Linear analysis expects {}, the rank of P·S·Pᵀ: {}"
     ).format(STRONG(words.paired), words.plain, exact, words.dimension, tag(words.nees_verdict, words.nees_verdict))
     about = Markup(
         "About the sample mean, without the mean error, it is {}. Dispersion differs most in {}; its sigma ratio is {}."
@@ -105,10 +105,10 @@ def _nees(words: EllipsoidWords, tests: MultivariateTests | None) -> list[Part]:
 
 def _definition() -> Folded:
     words = (
-        "The normalized estimation error squared (NEES) of an error y uses the linear mean m and the linear covariance."
-        " If both are right, its mean is the number of independent outputs:"
+        "The squared distance ε of an error y, in sigmas, uses the linear mean m and the linear covariance. If both "
+        "are right, its mean is the number of independent outputs. NEES is the same for the covariance of a filter:"
     )
-    return Folded("Definition of NEES", [Sentence(words), formulas.NEES], explains=True)
+    return Folded("Definition of the distance", [Sentence(words), formulas.NEES], explains=True)
 
 
 def _details(content: RunAnalysis, tests: MultivariateTests) -> list[Part]:

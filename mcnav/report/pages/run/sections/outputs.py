@@ -80,11 +80,14 @@ def _farthest_table(content: RunAnalysis) -> Table[_Far]:
         rows = [_Far(int(numbers[k]), float(result.values[k]), content.flown[k]) for k in order]
     columns: list[Column[_Far]] = [
         Column("Sample", lambda row: str(row.index)),
-        Column("NEES", lambda row: row.nees),
+        Column("Squared distance", lambda row: row.nees),
         *map(error, range(len(content.output_names))),
     ]
     replay = CODE("mcnav replay . SAMPLE")
-    caption = Markup("Samples with the largest NEES. {} in the run folder simulates one again.").format(replay)
+    caption = Markup(
+        "Samples with the largest squared distance to the linear covariance, in sigmas. {} in the run folder simulates "
+        "one again."
+    ).format(replay)
     return Table(caption, columns, rows)
 
 

@@ -68,7 +68,7 @@ def _facts(content: RunAnalysis) -> Facts:
         "{} (SHA-256 of campaign, engine and versions; this page shows the first digits, manifest.json all)"
     ).format(CODE(shortened(manifest.identity.digest)))
     again = CODE(f"mcnav run campaign.toml --engine {quote_word(content.summary.engine)}")
-    rerun = Markup("{} in the run folder, or with this file:").format(again)
+    rerun = Markup("{} in the run folder, which has the campaign file below.").format(again)
     return Facts([*entries, ("Identity of the run", identity), ("Rerun", rerun)], below=True)
 
 

@@ -72,7 +72,9 @@ STEPS: Final = (
 
 def where_nonlinear(summary: Summary) -> str:
     """Say where linear analysis does not hold, in some output or in all together: in this run; empty where it does."""
-    return "in this run" if verdicts.tone(summary) in ("differs", "partly") else ""
+    return {"differs": "in this run", "partly": "of all outputs together; every sigma is right"}.get(
+        verdicts.tone(summary), ""
+    )
 
 
 def what_if_section(
