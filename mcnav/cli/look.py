@@ -34,7 +34,7 @@ from mcnav.cli.printing import (
     print_written,
     write_data,
 )
-from mcnav.cli.program import BAD_INPUT, CHECK_FAILED, command, failure
+from mcnav.cli.program import CHECK_FAILED, command, failure
 
 
 @command()
@@ -259,8 +259,6 @@ def compare(
             runs[name] = shown = Summary.of(escaped(summary))
             terminal.comparison({name: shown})
             verdicts.append((f"\n{name}: {shown.campaign}", terminal.verdict(shown)))
-    if len(folders) < 2:
-        raise failure("RUN: got one run; expected two or more; mcnav show prints the results of one", BAD_INPUT)
     result = compare_runs(folders)
     console = out if form == "table" else err
     if (warning := terminal.warnings(runs)) is not None:

@@ -38,10 +38,10 @@ def answer_linearly(
     ``by_cause``: whether each process is known by itself, and not all together.
     """
     scenario, errors = described.scenario, described.errors
-    if not by_cause:
-        scenario = scenario.with_processes_together()
     names = tuple(source.name for source in scenario.sources)
     with one_thread(), scenario_errors(described.file):
+        if not by_cause:
+            scenario = scenario.with_processes_together()
         if times is not None:
             _check_times(described, times)
         _check_soundness(described)

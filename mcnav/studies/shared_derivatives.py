@@ -13,9 +13,16 @@ if TYPE_CHECKING:
 
 
 class SharedDerivatives:
-    """Campaigns whose derivatives others may use again, for linear answers."""
+    """Campaigns whose derivatives others may use again, for linear answers.
 
-    def __init__(self, *campaigns: Campaign) -> None:
+    Parameters
+    ----------
+    near : bool
+        Whether only campaigns do whose differences have steps of the same order.
+    """
+
+    def __init__(self, *campaigns: Campaign, near: bool = True) -> None:
+        self._near = near
         loops = (loop_of(campaign.scenario) for campaign in campaigns)
         self._known = [loop for loop in loops if loop is not None]
 
@@ -25,7 +32,7 @@ class SharedDerivatives:
         if scenario is None:
             return campaign
         for earlier in self._known:
-            tuned = scenario.along(earlier)
+            tuned = scenario.along(earlier, self._near)
             if tuned is not scenario:
                 return replace(campaign, scenario=tuned)
         self._known.append(scenario)

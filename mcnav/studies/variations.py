@@ -47,7 +47,7 @@ class Variations:
         self.scales = tuple(scales)
         self._limits = [record.limits for record in self.read({}).requirements]
         self.campaign = self.at({})
-        self._shared = SharedDerivatives(self.campaign)
+        self._shared = SharedDerivatives(self.campaign, near=False)  # derivatives are those of the campaign as it is
         self.base = answer_linearly(self.campaign)
         self.numbers = data_sheet_numbers(self.content, self.campaign.scenario.sources)
         self.beliefs = believed_numbers(self.content) if self.closed_loop else []

@@ -316,7 +316,6 @@ def test_a_run_folders_own_campaign_goes_on_there(workplace: Path) -> None:
         (["run", DEMO, "--check"], "accept: is missing; --check needs requirements"),
         (["run", DEMO, "--known-ways"], "--known-ways: belongs to --check; add --check"),
         (["report", "nowhere"], "error: nowhere: holds no run"),
-        (["compare", "reports/" + DEMO.stem], "RUN: got one run; expected two or more; mcnav show prints the results"),
         (
             ["report", "reports"],
             "reports: holds no run (manifest.json is missing); mcnav report --index reports lists the",

@@ -50,7 +50,7 @@ LINES: Final = {
 }
 """What is inside of folds whose one section has their own name; of others the titles of the sections say it."""
 
-ANSWER: Final = 74
+ANSWER: Final = 66
 """Most words of a study's verdict, the sentences below it and findings; the fold with its results has all."""
 
 SAID: Final = 31

@@ -12,7 +12,6 @@ from mcnav.analysis.filter_remarks import instant
 from mcnav.report.columns.requirements import RADII, RequirementRow, nominal_of, requirement_rows
 from mcnav.report.format import number, rounded
 from mcnav.report.names import humanize
-from mcnav.statistics.normal_size import size_quantiles
 
 if TYPE_CHECKING:
     from mcnav.analysis.summary import RequirementEntry, Summary
@@ -229,6 +228,8 @@ def larger_before_the_end(row: RequirementRow, epochs: Mapping[str, Array]) -> t
         or (len(entry.outputs) > 1 and entry.kind not in RADII)
     ):
         return None
+    from mcnav.statistics.normal_size import size_quantiles  # which other pages do not need
+
     probability = {"cep": 0.5, "sep": 0.5, "r95": 0.95}.get(entry.kind, entry.probability or 0.0)
     sizes = []
     for name in entry.outputs:

@@ -19,6 +19,7 @@ from mcnav.contract.timeline import Instants, Start, Timeline
 from mcnav.linear.engine.design import Design, design
 from mcnav.linear.engine.propagate import Propagated, propagate
 from mcnav.linear.engine.smoother import smooth
+from mcnav.linear.engine.transitions import TOGETHER
 from mcnav.systems.closed_loop.nominal_flight import within_step
 from mcnav.systems.closed_loop.timeline import LoopTimeline, LoopTransitions
 from mcnav.systems.closed_loop.transitions import Moment, Transition
@@ -173,20 +174,23 @@ class LinearLoop:
             added[:, known[:, None], known] = smoothed.covariances[:, number]
         return without_rounding(replace(system, partials=partials, processes=processes), loop), smoothed.claimed
 
-    def read(self, readings: Sequence[Reading]) -> LinearSystem:
-        """Read the linear system out."""
+    def read(self, readings: Sequence[Reading], by_cause: bool = True) -> LinearSystem:
+        """Read the linear system out, each process by itself, or all together in less time."""
         loop, names = self.loop, self.loop.timeline.processes
+        if not by_cause:
+            names = (TOGETHER,)[: len(names)]
         plain = [number for number, reading in enumerate(readings) if not reading.within]
         outputs = len(loop.readout.outputs)
         partials = np.zeros((len(readings), outputs, loop.timeline.sources + 1))
         covariances = np.zeros((len(readings), len(names), outputs, outputs))
         if plain:
             positions = [readings[number].position for number in plain]
-            of_plain = propagate(loop.timeline, self.gains, positions, begin=self.begin, start=self.start)
+            of_plain = propagate(loop.timeline, self.gains, positions, by_cause, self.begin, self.start)
             partials[plain], covariances[plain] = of_plain.partials, of_plain.covariances
         for number in sorted(set(range(len(readings))) - set(plain)):
             of_moment = self._within(readings[number])
-            partials[number], covariances[number] = of_moment.partials[0], of_moment.covariances[0]
+            added = of_moment.covariances[0]
+            partials[number], covariances[number] = of_moment.partials[0], added if by_cause else added.sum(axis=0)
         nominal = [loop.readout.read_nominal(reading.x, reading.time) for reading in readings]
         floor = loop.readout.floor(loop.linear)
         processes = {name: covariances[:, number] for number, name in enumerate(names)}

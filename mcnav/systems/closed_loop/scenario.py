@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Final, TypeVar
@@ -130,6 +131,7 @@ class ClosedLoopScenario(PlainScenario):
         self.sizes = sizes
         self._begun, self._lag, self._gates = begun, lag, gates
         self._shared: Linearization | None = None
+        self._together = False
         self._ends: tuple[tuple[float, ...], LinearSystem] | None = None
         self._object = spec.build_current()
         _read_loop(spec, lambda: self._read(spec, sizes))
@@ -187,6 +189,14 @@ class ClosedLoopScenario(PlainScenario):
         measured, judged = bool(self.maps.sensors), self.judged is not None
         return TimelineParts("any time", self.noisy, updates=measured, filter=judged, smoother=smoothed)
 
+    def with_processes_together(self) -> ClosedLoopScenario:
+        """Return the same whose linear covariances have all processes together, which takes less."""
+        self.linear_loop  # noqa: B018  computed once for both
+        tuned = copy(self)
+        tuned._together = True
+        tuned.__dict__.pop("readings", None)
+        return tuned
+
     @property
     def processes(self) -> tuple[Output, ...]:
         """Processes of noise that have a size."""
@@ -200,12 +210,14 @@ class ClosedLoopScenario(PlainScenario):
         """Return the scenario with a smoother of this lag, s, infinite where it uses all measurements, and gates."""
         return type(self)(self.spec, self.sizes, lag=lag, gates=gates)
 
-    def along(self, earlier: ClosedLoopScenario) -> ClosedLoopScenario:
+    def along(self, earlier: ClosedLoopScenario, near: bool = True) -> ClosedLoopScenario:
         """Return the scenario with the derivatives of one with other sizes, for linear answers; itself if it cannot be.
+
+        ``near``: whether their differences must have steps of the same order.
 
         Samples, whose bits follow from their own sizes alone, have derivatives of their own all the same.
         """
-        if self._object is not earlier._object or not _same_maps(self, earlier):
+        if self._object is not earlier._object or not _same_maps(self, earlier, near):
             return self
         tuned = type(self)(self.spec, self.sizes, lag=self._lag, gates=self._gates)
         tuned._shared = earlier.linearization
@@ -288,10 +300,10 @@ class ClosedLoopScenario(PlainScenario):
         check_finite(system, tuple(output.name for output in self.outputs))
         return system
 
-    def _read_out(self, readings: Sequence[Reading], own: bool = False) -> LinearSystem:
-        """Read the linear system out, also with what the navigator states."""
+    def _read_out(self, readings: Sequence[Reading], own: bool = False, together: bool = False) -> LinearSystem:
+        """Read the linear system out, also with what the navigator states, or with all processes together."""
         with np.errstate(all="ignore"):
-            system = replace(self.linear_loop.read(readings), label=LABEL)
+            system = replace(self.linear_loop.read(readings, not (together or self._together)), label=LABEL)
         schema = self.filter_schema
         if not own or schema is None:
             return system
@@ -478,7 +490,7 @@ class ClosedLoopScenario(PlainScenario):
         """Linear sigmas of the times of events by trigger, s, by name."""
         if not self.maps.events:
             return {}
-        end = self._read_out(self.linear_loop.at_instants((self.linearization.end,)))
+        end = self._read_out(self.linear_loop.at_instants((self.linearization.end,)), together=True)
         sigmas, names = sigmas_of(end, self.sizes.true.start)[-1], [output.name for output in self.outputs]
         places = [names.index(quantity.name) for quantity in self.maps.structure.clock.quantities]
         return {event.name: float(sigmas[place]) for event, place in zip(self.maps.events, places, strict=True)}
@@ -578,14 +590,16 @@ class ClosedLoopScenario(PlainScenario):
         return History(columns, self.epochs.events, tuple(panels))
 
 
-def _same_maps(one: ClosedLoopScenario, other: ClosedLoopScenario) -> bool:
-    """Return whether two scenarios have the same maps along the same nominal, and sizes of the same order."""
+def _same_maps(one: ClosedLoopScenario, other: ClosedLoopScenario, near: bool) -> bool:
+    """Return whether two scenarios have the same maps along the same nominal, and, if asked, sizes of one order."""
     linear = other.linearization
     pairs = zip((one.sizes.true, one.sizes.believed), (other.sizes.true, other.sizes.believed), strict=True)
     if not all(np.array_equal(here.decay, there.decay) for here, there in pairs):
         return False
     if one.states is not None and not linear.settled:
         return False
+    if not near:
+        return True
     ratios = difference_steps(one.maps, one._start, one.sizes.true) / linear.steps
     return bool(np.all((ratios > 1.0 / RETUNED) & (ratios < RETUNED)))
 

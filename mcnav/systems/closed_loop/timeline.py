@@ -45,17 +45,25 @@ def sized_processes(maps: Maps, sizes: Sizes) -> tuple[str, ...]:
     return tuple(name for name, size in sized_by_name.items() if size.any())
 
 
+def entering_steps(maps: Maps, sizes: Sizes, inputs: Sequence[Array]) -> Iterator[tuple[str, Array]]:
+    """Return what enters p steps by process: name, and ``G`` in sizes of the process, shape (p, size, k).
+
+    ``inputs``: of each step, the derivatives by what enters it, shape (size, 2 inputs).
+    """
+    if not inputs:
+        return
+    structure, sized_inputs = maps.structure, np.stack(inputs) * sizes.modes
+    count, begin = structure.white.size + structure.markov.size, 0
+    for quantity in (*structure.white.quantities, *structure.markov.quantities):
+        columns = np.arange(begin, begin + quantity.size)
+        yield quantity.name, sized_inputs[:, :, np.concatenate([columns, count + columns])]
+        begin += quantity.size
+
+
 def entering(maps: Maps, sizes: Sizes, transition: Transition) -> Iterator[tuple[str, Array]]:
-    """Return what enters a map by process: name, and ``G`` in sizes of the process, shape (size, k)."""
+    """Return what else enters a map by process, that of sensors and corrections: name, and ``G``, shape (size, k)."""
     structure = maps.structure
     if transition.kind == "step":
-        inputs = structure.white.size + structure.markov.size
-        sized_inputs = transition.inputs * sizes.modes
-        begin = 0
-        for quantity in (*structure.white.quantities, *structure.markov.quantities):
-            columns = np.arange(begin, begin + quantity.size)
-            yield quantity.name, sized_inputs[:, np.concatenate([columns, inputs + columns])]
-            begin += quantity.size
         for number, of_errors in transition.corrections.items():
             yield structure.corrections.quantities[number].name, of_errors * sizes.corrections[number]
     elif transition.kind == "measure":
@@ -108,11 +116,17 @@ class LoopTransitions:
         states = np.array([step.state for step in chosen]).reshape(-1, size, size)
         transitions = columns_of_errors(self.pairs, rows_of_errors(self.pairs, states))
         inputs = np.zeros((len(chosen), size, len(structure.sources) + 1))
-        by_process: dict[str, list[tuple[int, Array]]] = {}
+        by_process: dict[str, list[tuple[IndexArray, Array]]] = {}
+        places = np.flatnonzero([step.kind == "step" for step in chosen])
+        driven = entering_steps(self.maps, self.sizes.true, [chosen[place].inputs for place in places])
+        for name, factors in driven:
+            if factors.any():
+                by_process.setdefault(name, []).append((places, rows_of_errors(self.pairs, factors)))
         for place, step in enumerate(chosen):
             for name, factor in entering(self.maps, self.sizes.true, step):
                 if factor.any():
-                    by_process.setdefault(name, []).append((place, rows_of_errors(self.pairs, factor)))
+                    moved = rows_of_errors(self.pairs, factor)[None]
+                    by_process.setdefault(name, []).append((np.array([place]), moved))
         return Steps(
             transitions, inputs, {name: _noise(covariances, len(chosen)) for name, covariances in by_process.items()}
         )
@@ -135,12 +149,12 @@ class LoopTransitions:
         return FilterSteps.of(transitions, noise)
 
 
-def _noise(factors: Sequence[tuple[int, Array]], count: int) -> StepNoise:
-    """Return the noise of a process from its factors at places among so many steps."""
-    moved = np.flatnonzero(np.any([factor.any(axis=1) for _, factor in factors], axis=0))
-    padded = np.zeros((count, len(moved), max(factor.shape[1] for _, factor in factors)))
-    for place, factor in factors:
-        padded[place, :, : factor.shape[1]] = factor[moved]
+def _noise(factors: Sequence[tuple[IndexArray, Array]], count: int) -> StepNoise:
+    """Return the noise of a process from its factors, shape (p, size, k), at places among so many steps."""
+    moved = np.flatnonzero(np.any([factor.any(axis=(0, 2)) for _, factor in factors], axis=0))
+    padded = np.zeros((count, len(moved), max(factor.shape[2] for _, factor in factors)))
+    for places, factor in factors:
+        padded[places, :, : factor.shape[2]] = factor[:, moved]
     return StepNoise(moved, factor=padded)
 
 

@@ -98,7 +98,7 @@ AnyFault: Final[Any] = Annotated[
 ]
 FORM: Final = TypeAdapter[SpikeTable | RampTable | BiasTable | OutageTable](AnyFault)
 
-NO_AIDING: Final = 'this scenario has no sensors, which those of type "ins" can have'
+NO_AIDING: Final = f'{UNMEASURED}: this scenario has no sensors, which those of type "ins" can have'
 """Why a campaign has no tables of sensors, of their faults and of a filter."""
 
 FAULTS: Final = FurtherTable(

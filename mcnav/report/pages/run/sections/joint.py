@@ -106,7 +106,7 @@ def _nees(words: EllipsoidWords, tests: MultivariateTests | None) -> list[Part]:
 def _definition() -> Folded:
     words = (
         "The squared distance ε of an error y, in sigmas, uses the linear mean m and the linear covariance. If both "
-        "are right, its mean is the number of independent outputs. NEES is the same for the covariance of a filter:"
+        "are right, its mean is the number of independent outputs. Its formula is that of NEES:"
     )
     return Folded("Definition of the distance", [Sentence(words), formulas.NEES], explains=True)
 
