@@ -103,7 +103,7 @@ AIDING = {
     ),
     "not a number": (AIDED.replace('"3 m"', "nan"), "aiding #1.position: got nan without a unit; expected a length"),
     "infinite": (AIDED.replace('"1 s"', "inf"), "aiding #1.interval: got inf without a unit; expected a time"),
-    "of another scenario": (REENTRY + GNSS, "this scenario has no sensors, which those of type"),
+    "of another scenario": (REENTRY + GNSS, "aiding: no known measurement updates the errors: this"),
     "a requirement after the end": (
         AIDED + '[[accept.cep]]\noutputs = ["position_north", "position_east"]\nbelow = "9 m"\nat = "99999 s"\n',
         "accept.cep #1.at: got 99999 s; navigation is from ",

@@ -118,7 +118,7 @@ class LoopTransitions:
         inputs = np.zeros((len(chosen), size, len(structure.sources) + 1))
         by_process: dict[str, list[tuple[IndexArray, Array]]] = {}
         places = np.flatnonzero([step.kind == "step" for step in chosen])
-        driven = entering_steps(self.maps, self.sizes.true, [chosen[place].inputs for place in places])
+        driven = entering_steps(self.maps, self.sizes.true, [chosen[place].inputs for place in places.tolist()])
         for name, factors in driven:
             if factors.any():
                 by_process.setdefault(name, []).append((places, rows_of_errors(self.pairs, factors)))

@@ -14,7 +14,7 @@ from mcnav.config.read import parse_campaign
 from mcnav.contract.samples import Batch
 from mcnav.contract.scenario import ScenarioError
 from mcnav.errors import CampaignError
-from mcnav.systems.closed_loop.timeline import entering
+from mcnav.systems.closed_loop.timeline import entering, entering_steps
 from tests.closed_loops import CAMPAIGNS, campaign
 
 
@@ -33,7 +33,9 @@ def step_by_step(described: Any) -> Array:
     for planned in plan.instants:
         for transition in (*planned.steps, *planned.updates):
             covariance = transition.state @ covariance @ transition.state.T
-            for _, factor in entering(maps, true, transition):
+            driven = [transition.inputs] if transition.kind == "step" else []
+            factors = [factor[0] for _, factor in entering_steps(maps, true, driven)]
+            for factor in (*factors, *(added for _, added in entering(maps, true, transition))):
                 covariance = covariance + factor @ factor.T
     end = plan.instants[plan.end]
     matrix = scenario.readout.partials(end.nominal, plan.steps, plan.end_time)
