@@ -88,7 +88,7 @@ def test_an_optimistic_filter_comes_first_with_factor_time_and_cause(tmp_path: P
     words, tone = statements(found)[0]
     assert tone == "differs"
     assert words.startswith(
-        "The filter is optimistic by a factor of 13 in tilt east from 1 min on. It is worst at 34 min. "
+        "The filter is optimistic by a factor of 13 from 1 min on. It is worst in tilt east, at 34 min. "
     )
     assert "Largest unmodelled errors: gyro misalignment" in words
     assert shown(found).startswith(words)

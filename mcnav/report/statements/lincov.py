@@ -168,7 +168,7 @@ def _departure(judged: LinearVerdict) -> str:
     name = humanize(judged.output)
     if math.isinf(judged.factor):
         return f" {when}: at {worst} it computes no error of {name}, and there is one"
-    return f" by a factor of {judged.factor:.3g} in {name} {when}. It is worst at {worst}"
+    return f" by a factor of {judged.factor:.3g} {when}. It is worst in {name}, at {worst}"
 
 
 def _together(judged: LinearVerdict) -> str:
