@@ -1,4 +1,4 @@
-"""How long simulations will take, told before them by the time of a few."""
+"""Time that simulations will take, estimated from a few of them."""
 
 from __future__ import annotations
 

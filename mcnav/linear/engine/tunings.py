@@ -195,7 +195,7 @@ class _Updates:
 
 @dataclass(frozen=True)
 class _Noise:
-    """What all processes add in k steps, by the sizes of each of N tunings.
+    """Noise that all processes add in k steps, with the sizes of each of N tunings.
 
     Attributes
     ----------

@@ -83,7 +83,7 @@ def _worst(stated: Sequence[Statement]) -> Statement:
 
 
 def _both(stated: Sequence[Statement]) -> tuple[list[Statement], str]:
-    """Return the verdicts without the one that the headline has beside the board's question, and the worst tone."""
+    """Return the verdicts that the headline does not state already, and the worst tone of all."""
     worst = _worst(stated)
     first, *others = stated
     said = replace(first, sentence=_headline(stated))

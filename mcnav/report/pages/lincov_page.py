@@ -75,7 +75,7 @@ REQUIREMENTS: Final = (
 """Caption of the table of requirements."""
 
 LONGER: Final = Markup("Whether an outage may be longer: {}.").format
-"""Of requirements, where a sensor has outages."""
+"""Note below the table of requirements, where a sensor has outages."""
 
 ALL_REMEDIES: Final = "mcnav lincov FILE --remedies"
 

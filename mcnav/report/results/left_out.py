@@ -17,8 +17,8 @@ NOT_MODELLED: Final = {
 }
 """By type of scenario; others are their authors' business."""
 
-OWN: Final = "Not modelled: what the code of the scenario leaves out. mcnav knows nothing of it."
-"""Of a class of the user's."""
+OWN: Final = "Not modelled: what the code of the scenario leaves out; mcnav cannot list it."
+"""Sentence for a scenario that is a class of the user's."""
 
 BENDING, FAULTS = "bending between instruments and antennas", "faults of sensors"
 """Effects of which a campaign may state some."""

@@ -1,4 +1,4 @@
-"""What is computed of a navigation once and kept from one command to the next: settled steps, linear errors."""
+"""Results of a navigation that are kept from one command to the next: settled steps, linear errors."""
 
 from __future__ import annotations
 

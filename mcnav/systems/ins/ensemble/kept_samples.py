@@ -12,7 +12,7 @@ from mcnav.systems.ins.ensemble.updates import Estimates
 
 
 class KeptSamples(NamedTuple):
-    """What `Deviations` and `Estimates` have of samples, rows of lanes."""
+    """Copy of the state and the estimates of samples, rows of lanes."""
 
     turn: Array
     moved: Array
@@ -27,7 +27,7 @@ def kept_samples(states: int, wanted: bool) -> KeptSamples:
 
 @allocation_free_part
 def keep_samples(samples: Deviations, own: Estimates, kept: KeptSamples) -> None:
-    """Keep samples."""
+    """Copy samples."""
     for r in range(4):
         store(kept.turn, r, load(samples.turn, r))
     for r in range(6):
@@ -39,7 +39,7 @@ def keep_samples(samples: Deviations, own: Estimates, kept: KeptSamples) -> None
 
 @allocation_free_part
 def take_back_samples(samples: Deviations, own: Estimates, kept: KeptSamples) -> None:
-    """Let samples be as they were kept."""
+    """Restore samples from their copy."""
     for r in range(4):
         store(samples.turn, r, load(kept.turn, r))
     for r in range(6):
